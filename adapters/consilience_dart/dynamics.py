@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from consilience.engine import numerical_rank, solve_constrained
-from consilience.mechanism import Array, Joint, State, reaction_in_F
+from consilience.mechanism import Array, Joint, Mechanism, State, reaction_in_F
 from consilience_dart.constraints import push, rows
 from consilience_dart.drives import command_accelerations
 from consilience_dart.loads import Forces
@@ -81,27 +81,22 @@ def _without_efforts(joint: Joint, force: Array, torque: Array) -> tuple[Array, 
     return force, torque
 
 
-def reactions(model: Model, state: State) -> tuple[Array, Array]:
+def reactions(mechanism: Mechanism, model: Model, state: State) -> tuple[Array, Array]:
     """Return ``force_F, torque_F`` of all joints from DART's body forces, each shape (n_j, 3).
 
     A body force is the torque, then the force, on the node through its parent joint, about the origin and in the axes
-    of the node. Efforts in the joint are included.
+    of the node. Efforts in the joint are included. Axes are those of the given mechanism, whose rods may be turned in
+    the model.
     """
     forces, torques = [], []
-    for k, joint in enumerate(model.mechanism.joints):
+    for k, joint in enumerate(mechanism.joints):
         i = model.tree.reaction_link(k)
         wrench = np.asarray(model.nodes[i].getBodyForce())
         force, torque = _without_efforts(joint, wrench[3:], wrench[:3])
         T = model.nodes[i].getWorldTransform()
         R = T.rotation()
         force, torque = reaction_in_F(
-            model.mechanism,
-            state,
-            joint,
-            R @ force,
-            R @ torque,
-            T.translation(),
-            on_predecessor=model.tree.links[i].reversed,
+            mechanism, state, joint, R @ force, R @ torque, T.translation(), on_predecessor=model.tree.links[i].reversed
         )
         forces.append(force)
         torques.append(torque)

@@ -21,6 +21,8 @@ from consilience.engine import (
     Unsupported,
     beyond,
     feature_names,
+    steps_per_sample,
+    suited_rods,
     without_screws,
 )
 from consilience.mechanism import Array, Mechanism, State, to_elementary_tree
@@ -49,7 +51,7 @@ EXACT = {
     "cylindrical joint": "cylindrical: prismatic, then revolute joint, with a massless link between",
     "universal joint": "universal: two revolute joints, with a massless link between",
     "planar joint": "planar: two prismatic joints and a revolute joint, with massless links between",
-    "rod joint": "rod: massless link of two revolutes and a ball (chart singular when the rod lies along x of F)",
+    "rod joint": "rod: massless link of two revolutes and a ball (singular a right angle from the start)",
     "spherical joint": "spherical: BallJoint",
     "free joint": "free: FreeJoint with identity frames",
     "screw joint": "screw: ScrewJoint, its turns those of its displacement",
@@ -125,7 +127,7 @@ class DartEngine:
 
     def model(self, mechanism: Mechanism, state: State, method: Method) -> ModelAnswer:
         """Return mass, centre of mass and inertia of the skeleton's nodes, and the freedom by its Jacobians."""
-        model = self._translated(mechanism)
+        model = self._translated(suited_rods(mechanism, state))
         send(model, from_state(model, state))
         com = np.asarray(model.skeleton.getCOM())
         inertia = np.zeros((3, 3))
@@ -138,11 +140,14 @@ class DartEngine:
     def instant(self, mechanism: Mechanism, states: Sequence[State], method: Method) -> InstantAnswer:
         """Return accelerations, joint reactions and energies at consistent states."""
         native = method.route is Route.EXTRAPOLATED
-        stepping = _stepper(mechanism, states[0], method) if native else None
-        model = self._translated(mechanism) if stepping is None else stepping.model
-        forces = Forces(model)
+        stepping, model = None, None
         accelerations, wrenches, energies = [], [], []
         for state in states:
+            suited = suited_rods(mechanism, state)
+            if model is None or model.mechanism is not suited:
+                stepping = _stepper(suited, state, method) if native else None
+                model = self._translated(suited) if stepping is None else stepping.model
+                forces = Forces(model)
             c = from_state(model, state)
             send(model, c)
             if method.name == ways.EXTRAPOLATED_DEFAULT and stepping is not None:
@@ -156,7 +161,7 @@ class DartEngine:
                 impose(model, *constrained_dynamics(model, forces))
             accelerations.append(body_accelerations(model))
             if stepping is None:
-                wrenches.append(reactions(model, state))
+                wrenches.append(reactions(mechanism, model, state))
             energies.append(_energies(model))
         a, alpha = (np.array(column) for column in zip(*accelerations, strict=True))
         kinetic, potential = np.array(energies).T
@@ -173,7 +178,7 @@ class DartEngine:
         mechanism, state, times, method, step
             As in `consilience.engine.Engine.trajectory`.
         """
-        substeps = round((times[1] - times[0]) / step)
+        mechanism, substeps = suited_rods(mechanism, state), steps_per_sample(times, step)
         if method.route is Route.HARNESS_INTEGRATOR:
             (p, quat, v, w), work = rk4_trajectory(mechanism, state, times, substeps)
             return TrajectoryAnswer(np.asarray(times), p, quat, v, w, {"evaluations": work})

@@ -7,6 +7,7 @@ from typing import Any
 import dartpy
 import numpy as np
 
+from consilience.engine import suited_rods
 from consilience.engine.native import ELEMENTS, JET, SOLVE, Places, element_data, script
 from consilience.mechanism import GROUND, RANK_TOLERANCE, Link, Mechanism, State
 from consilience_dart.export_script import CODE, RUN
@@ -66,7 +67,7 @@ def export_model(title: str, mechanism: Mechanism, state: State) -> dict[str, st
     state : State
         Initial state of the script.
     """
-    model = build(mechanism)
+    model = build(suited_rods(mechanism, state))
     send(model, from_state(model, state))
     links = model.tree.links
     constants = {

@@ -14,10 +14,10 @@ from consilience_dart.stepping import (
     ERROR_REDUCTION_DEFAULT,
     ERROR_REDUCTION_INSTANT,
     ERROR_REDUCTION_TRAJECTORY,
+    HALVINGS,
     LARGEST_ROTATION,
     LARGEST_STEP,
     LARGEST_TURN,
-    STEP_SIZES,
     set_softness,
 )
 from consilience_dart.translation import build, constrained, unstepped
@@ -42,7 +42,7 @@ AT_THE_STATE: dict[str, Any] = {"Skeleton.timeStep": 0.0}
 STEPPING: dict[str, Any] = {"DeactivationOptions.enabled": False}
 TO_ZERO_STEP = (
     f"{LARGEST_STEP:g} s, {LARGEST_ROTATION / 2:g} rad of a body, or {LARGEST_TURN:g} rad of a link, "
-    f"over {STEP_SIZES}, extrapolated to 0"
+    f"halved up to {HALVINGS} times, extrapolated to 0"
 )
 
 

@@ -40,8 +40,13 @@ MIXINGS = ((1, 8.0 / 3.0), (2, -2.0), (4, 1.0 / 3.0))
 
 Three of them, because near singular poses the error is quadratic in the mixing."""
 
-STEP_SIZES = (1, 2, 4, 8)
-LARGEST_STEP = 1e-4
+LARGEST_STEP = 5e-3
+HALVINGS = 15
+"""The smallest step is far below the time constants of stiff dampers, which `World.step` treats implicitly."""
+
+CONVERGED = 1e-9
+"""Relative change of an extrapolated value below which smaller steps are tried only while they change it less."""
+
 LARGEST_ROTATION = 5e-4
 """Rotation of a body in two steps, rad. Below about 1e-3 rad DART's exponential map is a truncated series: smooth in
 the step, so that extrapolation removes the error. Steps on both sides of the threshold cannot be extrapolated."""
@@ -146,14 +151,23 @@ def _difference_quotient(stepping: Stepper, c: Coordinates, step: float) -> Arra
 
 
 def _to_zero_step(stepping: Stepper, c: Coordinates, step: float) -> Array:
-    """Extrapolate the difference quotient polynomially to step zero (Richardson; Neville's scheme)."""
-    column = [_difference_quotient(stepping, c, step / n) for n in STEP_SIZES]
-    for width in range(1, len(column)):
-        column = [
-            column[k + 1] + (column[k + 1] - column[k]) / (STEP_SIZES[k + width] / STEP_SIZES[k] - 1.0)
-            for k in range(len(column) - 1)
-        ]
-    return column[0]
+    """Extrapolate the difference quotient polynomially to step zero, and return the entry that changes least.
+
+    In Neville's scheme steps that are too large for a stiff damper, and steps so small that rounding counts, change
+    the entries [Ridders, Adv. Eng. Software 4 (1982) 75].
+    """
+    best, change, before = np.zeros(0), np.inf, list[Array]()
+    for n in range(HALVINGS + 1):
+        row, least = [_difference_quotient(stepping, c, step / 2.0**n)], change
+        for width, last in enumerate(before, 1):
+            row.append(row[-1] + (row[-1] - last) / (2.0**width - 1.0))
+            new = max(np.max(np.abs(row[-1] - other)) for other in (row[-2], last))
+            if new < change:
+                best, change = row[-1], new
+        if change == least and change < CONVERGED * np.max(np.abs(best), initial=0.0):
+            break
+        before = row
+    return best
 
 
 def _largest_step(model: Model, state: State) -> float:

@@ -27,7 +27,7 @@ from consilience_exudyn.maximal import build
 from consilience_exudyn.pointwise import instant_answer, model_answer, tree_instant_answer
 from consilience_exudyn.redundancy import independent_axes, left_out
 from consilience_exudyn.terms import Terms
-from consilience_exudyn.trajectory import Integration, maximal_answer, tree_answer
+from consilience_exudyn.trajectory import Integration, tree_answer, well_conditioned_answer
 
 _TRAJECTORIES = {
     "TrapezoidalIndex2": (Integration("TrapezoidalIndex2", SETTINGS), Profile.MATCHED, (25, 50, 100)),
@@ -177,7 +177,7 @@ class ExudynEngine:
             return tree_answer(build_tree(mechanism, state), times, step)
         held = self._independent(mechanism)
         integration = _integration(mechanism, method.name)
-        return maximal_answer(build(mechanism, state, held), held, integration, times, step)
+        return well_conditioned_answer(mechanism, state, held, integration, times, step)
 
     def _terms_of(self, mechanism: Mechanism, state: State) -> Terms:
         if self._terms is None or self._terms[0] is not mechanism:

@@ -24,11 +24,16 @@ _SEED = 20
 _NAMES = ("translation x", "translation y", "translation z", "rotation x", "rotation y", "rotation z")
 
 
-def independent_axes(mechanism: Mechanism) -> tuple[Axes, ...]:
+def independent_axes(mechanism: Mechanism, along: Sequence[State] = ()) -> tuple[Axes, ...]:
     """Choose the constrained axes of every joint and row such that the equations are independent.
 
-    The smallest singular value of the chosen rows, in Exudyn's own Jacobian, is largest in the worst of the drawing and
-    a few states along its branch. The choice depends on the mechanism only.
+    The smallest singular value of the chosen rows, in Exudyn's own Jacobian, is largest in the worst of some states.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    along : sequence of State
+        States of a motion; by default the drawing and a few states along its branch.
     """
     full = full_axes(mechanism)
     _, closing = spanning_tree(mechanism)
@@ -48,7 +53,7 @@ def independent_axes(mechanism: Mechanism) -> tuple[Axes, ...]:
             held[k] = full[k]
         else:
             regular = [s for s, r in zip(states, after, strict=True) if r == max(after)]
-            held[k] = _best(mechanism, regular, held, k, added)
+            held[k] = _best(mechanism, along or regular, held, k, added)
     return tuple(held)
 
 

@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from consilience.engine import TrajectoryAnswer
-from consilience.mechanism import RANK_TOLERANCE, Array, State, continuous_in_time, quaternion_from_rotation
+from consilience.engine import TrajectoryAnswer, require_stable, steps_per_sample
+from consilience.mechanism import RANK_TOLERANCE, Array, Mechanism, State, continuous_in_time, quaternion_from_rotation
 from consilience_exudyn.kinematic_tree import KinematicTree
 from consilience_exudyn.library import SETTINGS, exu, simulation_settings
-from consilience_exudyn.maximal import Axes, Maximal, full_axes
-from consilience_exudyn.redundancy import equations, left_out, smallest_singular_value
+from consilience_exudyn.maximal import Axes, Maximal, build, full_axes
+from consilience_exudyn.redundancy import equations, independent_axes, left_out, smallest_singular_value
 from consilience_exudyn.terms import Terms
+
+WEAK = 0.2
+"""Fraction of the least singular value at the start below which other equations are kept."""
+
+ATTEMPTS = 4
+"""Motions with other kept equations."""
 
 _ON_GRID = 1e-9
 """Largest rounding error of the time of a sample, as a fraction of the sample interval."""
@@ -40,7 +46,7 @@ def solve(system: Any, integration: Integration, times: Array, step: float) -> i
         Newton's iteration fails, a matrix is singular, or the run stops before the end.
     """
     interval = float(times[1] - times[0])
-    steps = (len(times) - 1) * round(interval / step)
+    steps = (len(times) - 1) * steps_per_sample(times, step)
     settings = simulation_settings(integration.settings)
     settings.solution.sensors.writePeriod = interval
     settings.timeIntegration.startTime = float(times[0])
@@ -95,12 +101,11 @@ def maximal_answer(
     steps = solve(model.system, integration, times, step)
     series = [[stored(model.system, sensor, times) for sensor in three] for three in model.sensors]
     q = np.stack([coordinates for coordinates, _, _ in series], axis=1)
-    quat = q[:, :, 3:] + np.array([1.0, 0.0, 0.0, 0.0])
-    norms = np.linalg.norm(quat, axis=2)
+    quat, norms = _unit_quaternions(q)
     answer = TrajectoryAnswer(
         time=times.copy(),
         p_WB=q[:, :, :3],
-        quat_WB=continuous_in_time(quat / norms[:, :, None]),
+        quat_WB=continuous_in_time(quat),
         v_WB_W=np.stack([v for _, v, _ in series], axis=1),
         w_WB_W=np.stack([w for _, _, w in series], axis=1),
         counters={"steps": steps, "largest_quaternion_norm_error": float(np.max(np.abs(norms - 1.0)))},
@@ -108,6 +113,70 @@ def maximal_answer(
     if tuple(held) != full_axes(model.mechanism):
         refuse_lost_rank(model, held, answer)
     return answer
+
+
+def _unit_quaternions(q: Array) -> tuple[Array, Array]:
+    """Return quaternions divided by their norms, and the norms, of coordinates of bodies, shape (..., 7)."""
+    quat = q[..., 3:] + np.array([1.0, 0.0, 0.0, 0.0])
+    norms = np.linalg.norm(quat, axis=-1)
+    return quat / norms[..., None], norms
+
+
+def well_conditioned_answer(
+    mechanism: Mechanism, state: State, held: tuple[Axes, ...], integration: Integration, times: Array, step: float
+) -> TrajectoryAnswer:
+    """Integrate in redundant coordinates; leave out other dependent axes where the kept ones weaken along the motion.
+
+    The counters name the axes that were left out in place of those given.
+
+    Parameters
+    ----------
+    mechanism, state
+    held : tuple of Axes
+        Constrained axes to begin with.
+    integration, times, step
+        As in `maximal_answer`.
+
+    Raises
+    ------
+    RuntimeError
+        Exudyn fails, and no other choice of axes is better conditioned at the states that were reached.
+    """
+    first, known = held, list[State]()
+    for attempt in range(ATTEMPTS):
+        model = build(mechanism, state, held)
+        try:
+            found: TrajectoryAnswer | RuntimeError = maximal_answer(model, held, integration, times, step)
+        except RuntimeError as error:
+            found = error
+        weak = _weak_states(model, held)
+        known += weak
+        better = independent_axes(mechanism, known) if weak and attempt < ATTEMPTS - 1 else held
+        if better == held:
+            break
+        held = better
+    if isinstance(found, RuntimeError):
+        raise found
+    if held == first:
+        return found
+    named = {f"'{name}': left out {axes}": 1 for name, axes in left_out(mechanism, held).items()}
+    return replace(found, counters={**found.counters, **named})
+
+
+def _weak_states(model: Maximal, held: Sequence[Axes]) -> list[State]:
+    """Start, middle and end of the motion to the first sample at which the kept equations are nearly dependent."""
+    if tuple(held) == full_axes(model.mechanism):
+        return []
+    series = [np.array(model.system.GetSensorStoredData(three[0]))[:, 1:] for three in model.sensors]
+    terms, at_rest = Terms(model), np.zeros((len(series), 3))
+    states, first = list[State](), 1.0
+    for row in np.stack(series, axis=1):
+        states.append(State(row[:, :3], _unit_quaternions(row)[0], at_rest, at_rest))
+        value = smallest_singular_value(terms.constraint_jacobian(states[-1]), equations(held))
+        first = value if len(states) == 1 else first
+        if value < WEAK * first:
+            return [states[0], states[len(states) // 2], states[-1]]
+    return []
 
 
 def refuse_lost_rank(model: Maximal, held: Sequence[Axes], answer: TrajectoryAnswer) -> None:
@@ -131,6 +200,7 @@ def tree_answer(model: KinematicTree, times: Array, step: float) -> TrajectoryAn
     steps = solve(model.system, RUNGE_KUTTA, times, step)
     series = [[stored(model.system, sensor, times) for sensor in four] for four in model.sensors]
     p, R, v, w = (np.stack([body[n] for body in series], axis=1) for n in range(4))
+    require_stable(p, step)
     R_WB = R.reshape(*R.shape[:2], 3, 3) @ model.R_LB
     return TrajectoryAnswer(
         time=times.copy(),

@@ -110,6 +110,8 @@ def _limited(rank: int, nv: int) -> Callable[[Any], None]:
     def write(data: Any) -> None:
         """Replace all rows and right-hand sides by their projections on the largest singular values."""
         J, aref = data.efc_J[: data.nefc * nv].reshape(-1, nv), data.efc_aref
+        if not np.all(np.isfinite(J)):
+            raise EngineWarningError("rows of constraints are not finite. The simulation is unstable.")
         U, s, Vt = np.linalg.svd(J, full_matrices=False)
         kept = max(rank, int(np.sum(s > _CLEAR * s[0])))
         U = U[:, :kept]

@@ -22,10 +22,13 @@ from consilience.engine import (
     Unsupported,
     beyond,
     feature_names,
+    steps_per_sample,
+    suited_rods,
     without_screws,
 )
 from consilience.mechanism import Array, Mechanism, State, Tree, continuous_in_time, to_elementary_tree
 from consilience_mujoco.callback import answering
+from consilience_mujoco.charts import advance
 from consilience_mujoco.evaluate import (
     accelerations,
     check_solved,
@@ -38,10 +41,17 @@ from consilience_mujoco.evaluate import (
 )
 from consilience_mujoco.manifest import manifest
 from consilience_mujoco.messages import warnings_raise
-from consilience_mujoco.methods import configured, evaluations, methods
+from consilience_mujoco.methods import STIFF, configured, evaluations, methods
 from consilience_mujoco.rows import count_rows
 from consilience_mujoco.states import poses_and_velocities, set_state
-from consilience_mujoco.translate import Translation, slides_behind_balls, springs_cancel, springs_on, translate
+from consilience_mujoco.translate import (
+    Translation,
+    principal_inertia,
+    slides_behind_balls,
+    springs_cancel,
+    springs_on,
+    translate,
+)
 
 FEATURES = feature_names(
     joints="revolute, prismatic, cylindrical, universal, spherical, planar, rigid, rod, free, screw, "
@@ -77,6 +87,7 @@ class MujocoEngine:
         refused = beyond(mechanism, FEATURES, "MuJoCo")
         if refused:
             return refused
+        reason = f"MuJoCo takes no mass and no principal moment of {mujoco.mjMINVAL:g} or less (mjMINVAL)"
         tendons = [
             Unsupported(f"spring '{s.name}': free length {s.free_length} m", "a tendon has no negative rest length")
             for s in mechanism.springs
@@ -89,6 +100,11 @@ class MujocoEngine:
             )
             for link in self._tree(mechanism).links
             if springs_cancel(springs_on(mechanism, link))
+        ]
+        joints += [
+            Unsupported(f"body '{mechanism.bodies[link.body].name}': {least:g} kg or kg m^2", reason)
+            for link in self._tree(mechanism).links
+            if link.body >= 0 and (least := min(link.mass, principal_inertia(link.inertia)[0][0])) <= mujoco.mjMINVAL
         ]
         if question is Question.MODEL:
             return (*tendons, *joints)
@@ -103,7 +119,14 @@ class MujocoEngine:
 
     def methods(self, mechanism: Mechanism, question: Question) -> tuple[Method, ...]:
         """Return the methods that answer the question, the headline method first."""
-        return methods(question, count_rows(mechanism, self._tree(mechanism)))
+        return methods(question, count_rows(mechanism, self._tree(mechanism)), self._stiff(mechanism))
+
+    def _stiff(self, mechanism: Mechanism) -> bool:
+        """Whether a joint's damper decays faster than `STIFF`, in the drawing."""
+        if not (mechanism.joint_springs or mechanism.frictions):
+            return False
+        model = self._compile(mechanism).model
+        return float(np.max(model.dof_damping * model.dof_invweight0, initial=0.0)) > STIFF
 
     def manifest(self, mechanism: Mechanism) -> Manifest:
         """Return the features that the translation keeps exact, and those that it approximates."""
@@ -111,7 +134,7 @@ class MujocoEngine:
 
     def model(self, mechanism: Mechanism, state: State, method: Method) -> ModelAnswer:
         """Return mass properties and freedom of the compiled model at a state."""
-        translation = self._prepare(mechanism, method)
+        translation = self._prepare(mechanism, state, method)
         with warnings_raise(), answering(translation):
             set_state(translation, state)
             mujoco.mj_forward(translation.model, translation.data)
@@ -119,10 +142,10 @@ class MujocoEngine:
 
     def instant(self, mechanism: Mechanism, states: Sequence[State], method: Method) -> InstantAnswer:
         """Return accelerations, joint reactions and energies at consistent states."""
-        translation = self._prepare(mechanism, method)
         rows: list[tuple[Any, ...]] = []
-        with warnings_raise(), answering(translation):
-            for state in states:
+        for state in states:
+            translation = self._prepare(mechanism, state, method)
+            with warnings_raise(), answering(translation):
                 set_state(translation, state)
                 mujoco.mj_forward(translation.model, translation.data)
                 if method.route is Route.HARNESS_SOLVE:
@@ -130,7 +153,8 @@ class MujocoEngine:
                 if method.profile is Profile.MATCHED:
                     check_solved(translation)
                 evaluate_bodies(translation)
-                rows.append((*accelerations(translation), *reactions(translation, state), *energies(translation)))
+                wrenches = reactions(mechanism, translation, state)
+                rows.append((*accelerations(translation), *wrenches, *energies(translation)))
         return InstantAnswer(*(np.array(column) for column in zip(*rows, strict=True)))
 
     def trajectory(
@@ -143,22 +167,20 @@ class MujocoEngine:
         mechanism, state, times, method, step
             As in `consilience.engine.Engine.trajectory`.
         """
-        translation = self._prepare(mechanism, method)
-        model, data = translation.model, translation.data
-        interval = float(times[1] - times[0])
-        steps = round(interval / step)
-        model.opt.timestep = interval / steps
-        checked = bool(model.neq) and method.profile is Profile.MATCHED
+        translation = self._prepare(mechanism, state, method)
+        steps = steps_per_sample(times, step)
+        translation.model.opt.timestep = float(times[1] - times[0]) / steps
+        checked = bool(translation.model.neq) and method.profile is Profile.MATCHED
         rank = self._cut(translation, state) if checked else None
         samples = []
         set_state(translation, state)
         for n in range(len(times)):
-            with warnings_raise(), answering(translation, rank):
-                if n > 0:
-                    data.time = times[n - 1]  # MuJoCo's clock sums up steps and their rounding errors
-                    mujoco.mj_step(model, data, steps)
-                if checked:
-                    mujoco.mj_forward(model, data)
+            if n > 0:
+                translation.data.time = times[n - 1]  # MuJoCo's clock sums up steps and their rounding errors
+                translation = advance(translation, steps, rank)
+            if checked:
+                with warnings_raise(), answering(translation, rank):
+                    mujoco.mj_forward(translation.model, translation.data)
                     check_solved(translation)
             samples.append(poses_and_velocities(translation))
         p, quat, v, w = (np.array(column) for column in zip(*samples, strict=True))
@@ -174,10 +196,15 @@ class MujocoEngine:
         rank, rows = constraint_rank(translation)
         return rank if rank < rows else None
 
-    def _prepare(self, mechanism: Mechanism, method: Method) -> Translation:
-        """Compiled model of a mechanism with the settings of a method; the last one is kept."""
+    def _compile(self, mechanism: Mechanism) -> Translation:
+        """Compiled model of a mechanism; the last one is kept."""
         if self._compiled is None or self._compiled.mechanism is not mechanism:
             self._compiled, self._last = translate(mechanism), None
+        return self._compiled
+
+    def _prepare(self, mechanism: Mechanism, state: State, method: Method) -> Translation:
+        """Compiled model, with the settings of a method, whose rods are far from singular; the last one is kept."""
+        compiled = self._compile(suited_rods(mechanism, state))
         if self._last is None or self._last[0] != method:
-            self._last = method, configured(self._compiled, method)
+            self._last = method, configured(compiled, method)
         return self._last[1]

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from consilience.engine import ModelAnswer, numerical_rank, solve_constrained
-from consilience.mechanism import GROUND, Array, State, cross, reaction_in_F
+from consilience.mechanism import GROUND, Array, Mechanism, State, cross, reaction_in_F
 from consilience_mujoco.actuators import load_name, load_wrench
 from consilience_mujoco.callback import first_rows
 from consilience_mujoco.messages import EngineWarningError
@@ -177,24 +177,24 @@ def _without(
                 torque -= cross(data.xanchor[joint] - point, effort)
 
 
-def reactions(translation: Translation, state: State) -> tuple[Array, Array]:
+def reactions(mechanism: Mechanism, translation: Translation, state: State) -> tuple[Array, Array]:
     """Return force_F and torque_F of all joints, each shape (n_j, 3).
 
     `cfrc_int` is the torque, then the force, of the parent on the body in world axes, about the centre of mass of the
     whole tree of the body. Efforts of elements in the joint's coordinates are subtracted; the effort of the thread of a
-    screw is a part of the reaction.
+    screw is a part of the reaction. Axes are those of the given mechanism, whose rods may be turned in the translation.
     """
     t = translation
-    both = np.zeros((len(t.mechanism.joints), 2, 3))
+    both = np.zeros((len(mechanism.joints), 2, 3))
     efforts = element_efforts(t)
-    for k, joint in enumerate(t.mechanism.joints):
+    for k, joint in enumerate(mechanism.joints):
         end = t.tree.reaction_link(k)
         body = t.link_body[end]
         torque, force = t.data.cfrc_int[body].reshape(2, 3).copy()
         point = t.data.subtree_com[t.model.body_rootid[body]]
         chain = [t.link_joint[i] for i, link in enumerate(t.tree.links) if link.joint == k and t.link_joint[i] >= 0]
         _without(t, chain, efforts, force, torque, point)
-        both[k] = reaction_in_F(t.mechanism, state, joint, force, torque, point, t.tree.links[end].reversed)
+        both[k] = reaction_in_F(mechanism, state, joint, force, torque, point, t.tree.links[end].reversed)
     return both[:, 0], both[:, 1]
 
 

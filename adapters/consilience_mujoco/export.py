@@ -13,7 +13,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 import mujoco
 import numpy as np
 
-from consilience.engine import Method, Question
+from consilience.engine import Method, Question, suited_rods
 from consilience.engine.native import FRICTION, JET, ROLLING, function_data, script
 from consilience.mechanism import Mechanism, State
 from consilience_mujoco.callback import answering
@@ -221,7 +221,7 @@ def export_model(title: str, mechanism: Mechanism, state: State) -> dict[str, st
         State of the keyframe ``initial``.
     """
     method = MujocoEngine().methods(mechanism, Question.INSTANT)[0]
-    translation = configured(translate(mechanism), method)
+    translation = configured(translate(suited_rods(mechanism, state)), method)
     with answering(translation):
         set_state(translation, state)
         mujoco.mj_forward(translation.model, translation.data)

@@ -22,7 +22,7 @@ _EXACT = {
         "universal joint",
         "planar joint",
     ),
-    "rod: massless link of two hinges and a ball (chart singular when the rod lies along x of F)": ("rod joint",),
+    "rod: massless link of two hinges and a ball (their frames turned away from the singular pose)": ("rod joint",),
     "free joint: the body hangs from the world": ("free joint",),
 }
 """Texts of the manifest, with the features of a mechanism to which they apply."""

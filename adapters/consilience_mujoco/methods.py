@@ -39,6 +39,10 @@ WEIGHTS = ("body_invweight0", "dof_invweight0", "tendon_invweight0")
 """Inverse inertias to which the regularisation of welds, rows on joints, and rows on guided bodies is proportional."""
 
 _MATCHED_STEPS = {"RK4": (4, (10, 20, 40)), "Euler": (1, (200, 400, 800))}
+STIFF = 2e3
+"""Rate of a damper, 1/s, above which an implicit method is asked too: `RK4` at samples every 0.05 s is unstable."""
+
+_IMPLICIT = {"opt.integrator": "IMPLICITFAST"}
 _DEFAULT_STEPS = (25, 50, 100)
 """MuJoCo's time step of 0.002 s at samples every 0.05 s, then a half and a quarter."""
 
@@ -58,7 +62,7 @@ _SELF_DIFFERENCES: dict[str, dict[str, Any]] = {
 }
 """Methods that solve the same soft problem, whose solution is unique, by another code path of MuJoCo."""
 
-_EVALUATIONS = {"RK4": 4, "EULER": 1}
+_EVALUATIONS = {"RK4": 4, "EULER": 1, "IMPLICITFAST": 1}
 
 
 def evaluations(method: Method) -> int:
@@ -115,10 +119,24 @@ def _held(question: Question, equalities: Equalities) -> tuple[Method, ...]:
     return (forward, harness, *((_default("mj_forward, defaults", 1.0), *differences) if softly else ()))
 
 
-def methods(question: Question, equalities: Equalities) -> tuple[Method, ...]:
-    """Return the methods for a question about a mechanism with such constraints, the headline method first."""
+def methods(question: Question, equalities: Equalities, stiff: bool) -> tuple[Method, ...]:
+    """Return the methods for a question about a mechanism with such constraints, the headline method first.
+
+    Parameters
+    ----------
+    question : Question
+    equalities : Equalities
+    stiff : bool
+        Dampers have rates above `STIFF`.
+    """
     held = equalities.welds + equalities.joints + equalities.guides
-    return _held(question, equalities) if held else _tree(question)
+    found = _held(question, equalities) if held else _tree(question)
+    if question is not Question.TRAJECTORY or not stiff:
+        return found
+    order, steps = _MATCHED_STEPS["Euler"]
+    settings = found[0].settings | _IMPLICIT
+    implicit = replace(found[0], name="implicitfast", order=order, substeps=steps, settings=settings)
+    return (found[0], implicit, *found[1:])
 
 
 def _disable(names: list[str]) -> int:

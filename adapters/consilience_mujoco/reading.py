@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
-from xml.etree.ElementTree import Element
+from xml.etree.ElementTree import Element, tostring
 
 import mujoco
 import numpy as np
@@ -23,6 +23,9 @@ _OBJ, _OFF = mujoco.mjtObj, mujoco.mjtDisableBit
 _JOINT, _CONNECT, _WELD = (
     int(kind) for kind in (mujoco.mjtEq.mjEQ_JOINT, mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD)
 )
+_TORQUE_SCALE = 10
+"""Place of the factor on the rotation that a weld holds, in `eq_data`."""
+
 _SITE = int(mujoco.mjtWrap.mjWRAP_SITE)
 _LETTERS = {int(kind): letter for letter, kind in JOINT_TYPES.items()}
 _WIDTH = {kind: {"S": 3, "F": 6}.get(letter, 1) for kind, letter in _LETTERS.items()}
@@ -36,17 +39,56 @@ _LISTS = {
 
 
 def name_of(model: Any, kind: Any, number: int) -> str:
-    """Return the name of an object, or its kind and number if it has no name."""
-    name = mujoco.mj_id2name(model, kind, number)
-    return name or f"{kind.name.removeprefix('mjOBJ_').lower()}_{number}"
+    """Return the name of an object; if it has none, its kind and number, as no other object of the kind is named."""
+    if name := mujoco.mj_id2name(model, kind, number):
+        return str(name)
+    made = f"{kind.name.removeprefix('mjOBJ_').lower()}_{number}"
+    while mujoco.mj_name2id(model, kind, made) >= 0:
+        made += "_"
+    return made
+
+
+def _specification(root: Element, path: Path, notes: Notes) -> Any:
+    """Return the specification of a file, without text between its elements if MuJoCo refuses the file as it is."""
+    try:
+        return mujoco.MjSpec.from_file(str(path))
+    except ValueError as error:
+        for element in root.iter():
+            if (element.text or "").strip() or (element.tail or "").strip():
+                notes.add("text between elements, not read", element.tag)
+            element.text = element.tail = None
+        try:
+            spec = mujoco.MjSpec.from_string(tostring(root, "unicode"))
+        except ValueError:
+            raise error from None
+        spec.modelfiledir = str(path.parent)
+        return spec
+
+
+def _without_absent_meshes(spec: Any, path: Path, notes: Notes) -> None:
+    """Remove meshes whose files are not there, with their shapes, from bodies that say their inertia."""
+    folder = path.parent / spec.meshdir
+    absent = {m.name: m for m in spec.meshes if m.file and not (folder / m.file).exists()}
+    for geom in list(spec.geoms):
+        if geom.meshname in absent:
+            body = geom.parent
+            if not body.explicitinertial and body.name != "world":
+                notes.refuse(f"its inertia is that of the mesh '{geom.meshname}', which is not there", body.name)
+            spec.delete(geom)
+    for mesh in absent.values():
+        spec.delete(mesh)
+    notes.add("meshes that are not there: shapes, which a case does not have", *absent)
+    notes.check(path.name)
 
 
 class _Model:
     """Compiled model at `qpos0`."""
 
-    def __init__(self, path: Path, notes: Notes) -> None:
+    def __init__(self, root: Element, path: Path, notes: Notes) -> None:
         try:
-            self.model: Any = mujoco.MjModel.from_xml_path(str(path))
+            spec = _specification(root, path, notes)
+            _without_absent_meshes(spec, path, notes)
+            self.model: Any = spec.compile()
         except ValueError as error:
             raise InvalidInput(str(path), f"MuJoCo refuses it: {error}", "Give a file that MuJoCo loads.") from None
         self.data: Any = mujoco.MjData(self.model)
@@ -106,22 +148,21 @@ class _Model:
                 yield name_of(model, _OBJ.mjOBJ_EQUALITY, row), row
 
     def laws(self) -> Iterator[CoordinateLaw]:
-        """Return equalities of two joints as polynomials of the driver's coordinate; refuse those of one joint."""
+        """Return equalities of joints as polynomials of the driver's coordinate, or as constants without a driver."""
         for name, row in self._active(_JOINT):
             driver = int(self.model.eq_obj2id[row])
-            if driver < 0:
-                self.notes.refuse("it holds a joint at a constant", name)
-                continue
-            powers = tuple(float(c) for c in self.model.eq_data[row, :5])
-            yield CoordinateLaw(name, self.joint_name(self.model.eq_obj1id[row]), self.joint_name(driver), powers)
+            powers = tuple(float(c) for c in self.model.eq_data[row, : 5 if driver >= 0 else 1])
+            held = self.joint_name(self.model.eq_obj1id[row])
+            yield CoordinateLaw(name, held, self.joint_name(driver) if driver >= 0 else "", powers)
 
     def loops(self) -> Iterator[Joint]:
-        """Return equalities of two bodies as spherical or rigid joints that close loops."""
+        """Return equalities of two bodies as joints that close loops: rigid, or spherical if no rotation is held."""
         for name, row in self._active(_CONNECT, _WELD):
             weld = self.model.eq_type[row] == _WELD
             bodies, F, M = self._ends(row, weld)
             first, second = (self.body_name(body) for body in bodies)
-            yield Joint(name, "rigid" if weld else "spherical", first, second, F, M)
+            turning = not weld or self.model.eq_data[row, _TORQUE_SCALE] == 0.0
+            yield Joint(name, "spherical" if turning else "rigid", first, second, F, M)
 
     def _ends(self, row: int, weld: bool) -> tuple[list[int], Frame, Frame]:
         """Bodies and frames that an equality holds together; for a ball, with the axes of the drawing."""
@@ -173,6 +214,7 @@ class _Model:
         dofs = [slice(model.jnt_dofadr[j], model.jnt_dofadr[j] + _WIDTH[int(model.jnt_type[j])]) for j in joints]
         for reason, marked in {
             "limits, which a case does not have": model.jnt_limited,
+            "limits of motors, which a case does not have": model.jnt_actfrclimited,
             "armature: a case has no rotor inertia": [np.any(model.dof_armature[d]) for d in dofs],
             "Coulomb friction: a case needs the speed that regularises it": [
                 np.any(model.dof_frictionloss[d]) for d in dofs
@@ -183,6 +225,18 @@ class _Model:
             "spring that yields, kept as if it did not": model.jnt_springyield,
         }.items():
             add(reason, *(self.joint_name(j) for j in joints if marked[j]))
+        for reason, marked in {
+            "limits, which a case does not have": model.tendon_limited,
+            "limits of motors, which a case does not have": model.tendon_actfrclimited,
+            "armature: a case has no rotor inertia": model.tendon_armature,
+            "Coulomb friction: a case needs the speed that regularises it": model.tendon_frictionloss,
+            "spring or damper with a polynomial, its linear part kept": [
+                np.any(model.tendon_stiffnesspoly[t]) or np.any(model.tendon_dampingpoly[t])
+                for t in range(model.ntendon)
+            ],
+            "spring that yields, kept as if it did not": model.tendon_springyield,
+        }.items():
+            add(reason, *(name_of(model, _OBJ.mjOBJ_TENDON, t) for t in range(model.ntendon) if np.any(marked[t])))
         add("compensation of gravity", *(self.body_name(b) for b in range(model.nbody) if model.body_gravcomp[b]))
         add(
             "bodies moved by the user (mocap), fixed",
@@ -211,7 +265,7 @@ def read_mjcf(root: Element, path: Path, free_base: bool, notes: Notes) -> Parts
     Parameters
     ----------
     root : Element
-        Root of the XML; not used, because MuJoCo reads the file and its includes.
+        Root of the XML; read only where MuJoCo, which knows includes, refuses the file.
     path : Path
     free_base : bool
         Refused: an MJCF file has free joints of its own.
@@ -225,7 +279,7 @@ def read_mjcf(root: Element, path: Path, free_base: bool, notes: Notes) -> Parts
     """
     if free_base:
         raise InvalidInput(str(path), "an MJCF file says itself what floats", "Leave the option for URDF.")
-    read = _Model(path, notes)
+    read = _Model(root, path, notes)
     gravity: Array = np.zeros(3) if read.off(_OFF.mjDSBL_GRAVITY) else np.array(read.model.opt.gravity)
     read.note_rest()
     return Parts(

@@ -14,7 +14,7 @@ from consilience.mechanism import Array
 from consilience_pinocchio.contacts import Contacts
 from consilience_pinocchio.elements import Elements
 from consilience_pinocchio.mimic import MIMIC, mimic_accelerations
-from consilience_pinocchio.translate import WORLD_AXES, Translation
+from consilience_pinocchio.translate import WORLD_AXES, Translation, as_matrix
 
 PROXIMAL: dict[str, Any] = {"absolute_accuracy": 1e-14, "mu": 1e-8, "max_iter": 20}
 """Settings with which the proximal iteration converges to rounding, whatever the rank of the constraint rows.
@@ -162,7 +162,7 @@ def weld_rows(translation: Translation, q: Array, v: Array) -> tuple[Array, Arra
     for original, copy in translation.welds:
         J = [pin.getFrameJacobian(model, data, s.joint, s.placement, WORLD_AXES) for s in (original, copy)]
         a = [pin.getFrameClassicalAcceleration(model, data, s.joint, s.placement, WORLD_AXES) for s in (original, copy)]
-        rows.append(J[1] - J[0])
+        rows.append(as_matrix(J[1] - J[0], model))
         bias.append(a[0].vector - a[1].vector)
     return np.vstack(rows), np.concatenate(bias)
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pinocchio as pin
 
-from consilience.engine import TrajectoryAnswer, runge_kutta_4
+from consilience.engine import TrajectoryAnswer, runge_kutta_4, steps_per_sample
 from consilience.mechanism import Array, continuous_in_time
 from consilience_pinocchio.charts import ChartWatch
 from consilience_pinocchio.contacts import Contacts, hold_all
@@ -123,9 +123,8 @@ def integrate(
         Step, which divides the interval of `times`.
     """
     motion = _Motion(translation, elements, q, v, np.asarray(times))
-    interval = times[1] - times[0]
-    every = round(interval / step)
-    intervals, h = len(times) - 1, interval / every
+    every = steps_per_sample(times, step)
+    intervals, h = len(times) - 1, (times[1] - times[0]) / every
     if motion.watch.needed:
         motion.record(motion.y)
         for n in range(1, every * intervals + 1):

@@ -11,7 +11,7 @@ from consilience.engine import numerical_rank
 from consilience.mechanism import Array
 from consilience_pinocchio.dynamics import all_rows
 from consilience_pinocchio.elements import Elements
-from consilience_pinocchio.translate import WORLD_AXES, Translation
+from consilience_pinocchio.translate import WORLD_AXES, Translation, as_matrix
 
 
 def poses(translation: Translation) -> tuple[Array, Array, Array, Array]:
@@ -79,5 +79,6 @@ def freedom(translation: Translation, elements: Elements, q: Array, v: Array) ->
         J, _ = all_rows(translation, elements, q, v, 0.0)
     else:
         pin.computeJointJacobians(model, data, q)
-        J = pin.getConstraintsJacobian(model, data, translation.constraints, translation.constraint_data)
+        held = translation.constraints, translation.constraint_data
+        J = as_matrix(pin.getConstraintsJacobian(model, data, *held), model)
     return int(model.nv) - numerical_rank(J)

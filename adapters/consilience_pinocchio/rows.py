@@ -17,7 +17,7 @@ import pinocchio as pin
 
 from consilience.mechanism import Array, Function, Rolling, Skate, cross, plane_axes, rolling_contact
 from consilience_pinocchio.efforts import Axis, axis
-from consilience_pinocchio.translate import WORLD_AXES, Translation
+from consilience_pinocchio.translate import WORLD_AXES, Translation, as_matrix
 
 _Contact = tuple[Any, Array, Array]
 """Rows ``directions @ a_P = gamma`` at a point P of a body: the `pinocchio.SE3` of P in the moving frame of the joint,
@@ -128,7 +128,7 @@ class Rows:
         for guided in self._guided:
             (placement, directions, wanted), rows = guided.contact(), slice(row, row + guided.count)
             where = self._model, self._data, guided.seat.joint, placement, WORLD_AXES
-            J[rows] = directions @ pin.getFrameJacobian(*where)[:3]
+            J[rows] = directions @ as_matrix(pin.getFrameJacobian(*where), self._model)[:3]
             gamma[rows] = wanted - directions @ pin.getFrameClassicalAcceleration(*where).linear
             row += guided.count
         return J, gamma

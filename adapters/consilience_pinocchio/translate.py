@@ -16,6 +16,7 @@ import pinocchio as pin
 
 from consilience.engine import without_screws
 from consilience.mechanism import (
+    Array,
     Coordinate,
     Frame,
     Joint,
@@ -145,6 +146,11 @@ def translate(mechanism: Mechanism) -> Translation:
     held = [rigid_contact("CONTACT_6D", model, a.joint, a.placement, b.joint, b.placement) for a, b in welds]
     constraints, constraint_data = initialised(model, data, held)
     return Translation(mechanism, plain, tree, model, data, tuple(seats), welds, constraints, constraint_data)
+
+
+def as_matrix(J: Any, model: Any) -> Array:
+    """Return a Jacobian of Pinocchio's with shape (rows, nv); which come 1-D for one row or column."""
+    return np.asarray(J).reshape(-1, model.nv)
 
 
 def rigid_contact(kind: str, model: Any, *ends: Any) -> Any:

@@ -49,6 +49,17 @@ class InvalidInput(ConsilienceError):
         return type(self), (self.where, self.what, self.remedy)
 
 
+def require(value: object, kind: type, where: str, remedy: str) -> None:
+    """Refuse a value of another type than the one that an argument or field needs.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    if not isinstance(value, kind):
+        raise InvalidInput(where, f"it is a {type(value).__name__}, not a {kind.__name__}", remedy)
+
+
 class CannotAssemble(InvalidInput):
     """No configuration satisfies the joints of a mechanism, or none was found from the drawing."""
 

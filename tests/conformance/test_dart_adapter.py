@@ -386,3 +386,52 @@ def test_the_copies_of_a_split_body_stay_together():
     np.testing.assert_allclose(origin(weld.copy), origin(weld.original), atol=1e-13)
     stepping.step(2000)
     np.testing.assert_allclose(origin(weld.copy), origin(weld.original), atol=1e-6)
+
+
+def beside_a_loop(damping):
+    """A four-bar, and beside it a light jaw on a damped slide of its own."""
+    base, rng = four_bar(), np.random.default_rng(8)
+    light = dataclasses.replace(lumpy_body("jaw", rng), mass=0.02)
+    axes = rotation_from_quaternion(quaternion_from_rotation_vector([0.4, -0.9, 0.2]))
+    slide = drawn_joint("slide", "prismatic", {"jaw": light}, GROUND, "jaw", np.array([0.3, 2.0, 0.1]), axes)
+    damper = JointSpring("damper", "slide", "distance", 0.0, damping, 0.0)
+    bodies, joints = (*base.bodies, light), (*base.joints, slide)
+    return dataclasses.replace(base, bodies=bodies, joints=joints, joint_springs=(damper,)), axes[:, 2]
+
+
+def nearly_dependent():
+    """A slide and a hinge to a second body, whose centre is held in a plane nearly through the hinge's path."""
+    rest, one = np.zeros(3), np.eye(3)
+    bodies = tuple(Body(name, 1.0, rest, one, HERE) for name in ("b0", "b2"))
+    off = Frame(np.array([1.0, -1.0, 1.0]), one)
+    normal = np.array([-0.1253337133730115, -0.9909152650217727, 0.04876882035646739])
+    second = np.cross([0.0, 0.0, 1.0], normal)
+    second /= np.linalg.norm(second)
+    plane = Frame(rest, np.column_stack([second, np.cross(normal, second), normal]))
+    joints = (
+        Joint("j3", "revolute", "b0", "b2", off, off),
+        Joint("j0", "prismatic", GROUND, "b0", HERE, HERE),
+        Joint("j7", "point_in_plane", GROUND, "b2", plane, plane),
+    )
+    return Mechanism("nearly dependent", np.zeros(3), bodies, joints)
+
+
+@pytest.mark.parametrize("damping", [0.5, 1000.0])
+def test_extrapolation_to_step_zero_holds_beside_a_stiff_damper(engine, damping):
+    """The jaw alone: a = g . z - d v / m, at rates d / m of 25 and 5e4 1/s."""
+    mechanism, z = beside_a_loop(damping)
+    method = by_route(engine, mechanism, Question.INSTANT, Route.EXTRAPOLATED)
+    for state in states_of(mechanism, 3):
+        a = engine.instant(mechanism, [state], method).a_WB_W[0, -1]
+        expected = mechanism.gravity @ z - damping * state.v_WB_W[-1] @ z / 0.02
+        assert a @ z == pytest.approx(expected, rel=1e-8)
+
+
+def test_extrapolation_to_step_zero_holds_where_constraints_are_nearly_dependent(engine):
+    mechanism = nearly_dependent()
+    method = by_route(engine, mechanism, Question.INSTANT, Route.EXTRAPOLATED)
+    for state in states_of(mechanism, 4):
+        found = engine.instant(mechanism, [state], method)
+        expected = np.hstack(truth.solve(mechanism, state)[:2])
+        error = np.max(np.abs(np.hstack([found.a_WB_W[0], found.alpha_WB_W[0]]) - expected))
+        assert error < 1e-8 * np.max(np.abs(expected))

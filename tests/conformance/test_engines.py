@@ -5,6 +5,7 @@ engine. A mechanism that an engine cannot represent must be declared `unsupporte
 """
 
 import functools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,16 +14,23 @@ from scipy.integrate import solve_ivp
 import truth
 from consilience.compare.uncertainty import needs_another_level
 from consilience.engine import Profile, Question, Route, defects
+from consilience.errors import InvalidInput
 from consilience.mechanism import (
+    GROUND,
+    Frame,
+    Joint,
     State,
     determinate_reactions,
     euler_parameter_matrix,
     free_directions,
+    initial_state,
     kinetic_energy,
     mass_properties,
     potential_energy,
+    relative_motion,
     rotation_angle_between,
     rotation_from_quaternion,
+    rotation_with_z_axis,
 )
 from consilience.mechanism.conditioning import mass_matrix_condition
 from consilience.suite.engine_runs import MOST_LEVELS
@@ -182,3 +190,63 @@ def test_trajectory_converges_to_the_truth_with_the_declared_order(engine, name)
         assert errors[-1] < 0.05, method.name
         if method.order is not None and errors[-1] > 1e-10:
             assert np.log2(errors[-2] / errors[-1]) == pytest.approx(method.order, abs=0.3), (method.name, errors)
+
+
+@pytest.mark.parametrize("name", ["single_rod", "backward_rod", "loop_rod"])
+def test_a_rod_may_lie_along_any_axis_of_its_frames(engine, engine_name, name):
+    """A rod holds a distance only: no axis of its frames is special, not at a state and not for a motion from there."""
+    base = ALL[name]
+    times, state, states = motion(name)
+    joints = []
+    for joint in base.joints:
+        if joint.kind == "rod":
+            along = relative_motion(base, state, joint).p
+            back = replace(joint, predecessor=joint.successor, successor=joint.predecessor, F=joint.M, M=joint.F)
+            F = Frame(joint.F.p, joint.F.R @ rotation_with_z_axis(along)[:, [2, 0, 1]])
+            M = Frame(joint.M.p, joint.M.R @ rotation_with_z_axis(relative_motion(base, state, back).p)[:, [2, 0, 1]])
+            joints.append(replace(joint, F=F, M=M))
+        else:
+            joints.append(joint)
+    mechanism = replace(base, joints=tuple(joints))
+    expected = np.hstack(truth.solve(mechanism, state)[:2])
+    for method in supported_methods(engine, mechanism, Question.INSTANT):
+        answer = engine.instant(mechanism, [state], method)
+        bar = NATIVE_SOLVER_BAR.get(engine_name, {}).get(method.route, 1e-11)
+        assert relative(np.hstack([answer.a_WB_W[0], answer.alpha_WB_W[0]]), expected) < bar, method.name
+        if answer.force_F is not None:
+            force, known = truth.solve(mechanism, state)[2], determinate_reactions(mechanism, state)[:, :3]
+            assert relative(answer.force_F[0][known], force[known]) < max(1e-10, 10 * bar), method.name
+    for method in supported_methods(engine, mechanism, Question.TRAJECTORY):
+        step = (times[1] - times[0]) / method.substeps[-1] if method.substeps else method.tolerances[-1]
+        found = error(engine.trajectory(mechanism, state, times, method, step), states)
+        assert found < {1: 0.05, 2: 1e-3}.get(method.order, 1e-4), method.name
+
+
+@pytest.mark.parametrize("step", [0.2, 0.03, 0.0, -0.01, np.nan])
+def test_a_step_that_does_not_divide_the_sample_interval_is_refused(engine, step):
+    """Such a step ends on no sample: what came out would be a motion at other times, or the initial state."""
+    mechanism = ALL["four_bar"]
+    (state,) = states_of(mechanism, 1)
+    for method in engine.methods(mechanism, Question.TRAJECTORY):
+        if method.substeps:
+            with pytest.raises(InvalidInput, match=r"does not divide the sample interval of 0\.05 s"):
+                engine.trajectory(mechanism, state, np.arange(3) * 0.05, method, step)
+
+
+def test_a_weld_on_a_slide_carries_the_weight_along_it(engine):
+    """One coordinate, and a weld that holds it: no acceleration, no freedom, along the slide a reaction of m g . z."""
+    base = ALL["single_prismatic"]
+    body, slide = base.bodies[0], base.joints[0]
+    hold = Joint("hold", "rigid", GROUND, body.name, body.drawing, Frame(np.zeros(3), np.eye(3)))
+    mechanism = replace(base, joints=(slide, hold))
+    state = initial_state(mechanism)
+    along = slide.F.R[:, 2]
+    weight = body.mass * base.gravity @ along
+    for method in supported_methods(engine, mechanism, Question.MODEL):
+        assert engine.model(mechanism, state, method).freedom == 0
+    for method in supported_methods(engine, mechanism, Question.INSTANT):
+        answer = engine.instant(mechanism, [state], method)
+        assert np.max(np.abs([answer.a_WB_W, answer.alpha_WB_W])) < 1e-7, method.name
+        if answer.force_F is not None:
+            force = hold.F.R @ answer.force_F[0][1]
+            assert force @ along == pytest.approx(-weight, rel=1e-8), method.name

@@ -1,10 +1,15 @@
 """Imported URDF and MJCF against what Pinocchio and MuJoCo load from the same text."""
 
+import numpy as np
 import pytest
 
 pytest.importorskip("pinocchio")
 pytest.importorskip("mujoco")
 
+import mujoco
+
+from consilience import accelerations, initial_state
+from consilience.case.importing import import_model
 from imported import difference
 
 BAR = 1e-10
@@ -106,6 +111,35 @@ URDF = {
         joint("two", "prismatic", "x", "b", "0 -0.6 -0.8", xyz="0 0 0", rpy="0 0 0"),
         joint("three", "revolute", "b", "c", more='<mimic joint="two" multiplier="0.8" offset="0.1"/>'),
     ),
+    "mimic of one of two hinges through a point": robot(
+        link("a", 2.0),
+        link("x"),
+        link("b", 1.3),
+        link("c", 0.7),
+        joint("wa", "fixed", "w", "a"),
+        link("w"),
+        joint("one", "continuous", "a", "x", "0 0 2"),
+        joint("two", "revolute", "x", "b", "1 0 0", xyz="0 0 0", rpy="0 0 0", more=DAMPED),
+        joint("three", "prismatic", "b", "c", more='<mimic joint="two" multiplier="0.5" offset="0.1"/>'),
+    ),
+    "damped hinges that miss one another, on a moving link": robot(
+        link("a"),
+        link("b", 1.3),
+        link("x"),
+        link("c", 0.7),
+        joint("ab", "revolute", "a", "b"),
+        joint("one", "revolute", "b", "x", more=DAMPED),
+        joint("two", "revolute", "x", "c", "0 0.28 0.96", more=DAMPED),
+    ),
+    "slide across a hinge, on a moving link": robot(
+        link("a"),
+        link("b", 1.3),
+        link("x"),
+        link("c", 0.7),
+        joint("ab", "revolute", "a", "b"),
+        joint("one", "prismatic", "b", "x", "0.6 0 0.8", more=DAMPED),
+        joint("two", "revolute", "x", "c", "0 1 0", more=DAMPED),
+    ),
     "nothing on a frame that moves": robot(
         link("a"), link("b", 1.3), link("flag"), joint("ab", "revolute", "a", "b"), joint("bf", "revolute", "b", "flag")
     ),
@@ -168,6 +202,30 @@ MJCF = {
         body("b", SLIDE.format("k")),
         more='<equality><joint joint1="k" joint2="j" polycoef="0.1 -0.4 0 0 0"/></equality>',
     ),
+    "held at a constant": world(
+        body("a", HINGE.format("j"), body("b", SLIDE.format("k"))),
+        more='<equality><joint joint1="k" polycoef="0.1 0 0 0 0"/></equality>',
+    ),
+    "two slides": world(
+        body(
+            "a",
+            '<joint type="slide" axis="1 0 0"/><joint type="slide" axis="0.6 0.8 0"/>',
+            body("b", HINGE.format("j")),
+        )
+    ),
+    "three slides": world(
+        body(
+            "a",
+            '<joint type="slide" axis="1 0 0"/><joint type="slide" axis="0.6 0.8 0"/><joint type="slide"/>',
+            body("b", HINGE.format("j")),
+        )
+    ),
+    "made-up names that others have": world(
+        body("body_2", HINGE.format("joint_1"), '<body pos="0.3 0 0">' + BODY.format(mass=0.4) + "<joint/></body>")
+    ),
+    "weld that holds no rotation, a loop": world(
+        body("a", "<freejoint/>"), more='<equality><weld body1="a" anchor="0.1 0.2 0" torquescale="0"/></equality>'
+    ),
     "tendon as a spring": world(
         body("a", HINGE.format("j"), '<site name="s" pos="0.2 0.1 0"/>'),
         '<site name="g" pos="0.5 1 0"/>',
@@ -224,3 +282,22 @@ def test_accelerations_of_an_imported_mjcf_are_those_of_mujoco(tmp_path, name):
     )
     assert worst < BAR
     assert violated < 1e-12
+
+
+def test_two_sprung_hinges_of_one_body_are_two_joints(tmp_path):
+    """At rest as drawn; the body between the hinges is no body of the file."""
+    second = '<joint name="k" axis="0 1 0" stiffness="2" damping="0.1" springref="0.2"/>'
+    path = write(tmp_path, world(body("a", HINGE.format("j").replace('ref="0.3"', "") + second)), ".xml")
+    mechanism = import_model(path).case.mechanism
+    assert [joint.kind for joint in mechanism.joints] == ["revolute", "revolute"]
+    assert len(mechanism.joint_springs) == 2
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data, expected = mujoco.MjData(model), np.zeros(6)
+    mujoco.mj_forward(model, data)
+    mujoco.mj_rnePostConstraint(model, data)
+    mujoco.mj_objectAcceleration(model, data, mujoco.mjtObj.mjOBJ_XBODY, model.body("a").id, expected, 0)
+    found = accelerations(mechanism, [initial_state(mechanism)])
+    a = mechanism.body_index["a"]
+    np.testing.assert_allclose(found.alpha_WB_W[0, a], expected[:3], atol=1e-10)
+    np.testing.assert_allclose(found.a_WB_W[0, a], expected[3:] + model.opt.gravity, atol=1e-10)
+    assert np.max(np.abs(expected[:3])) > 1.0

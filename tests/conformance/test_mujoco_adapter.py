@@ -359,3 +359,41 @@ def test_what_cannot_be_represented_is_said(mujoco_engine):
         mechanism = replace(four_bar(), **elements)
         (found,) = mujoco_engine.unsupported(mechanism, Question.INSTANT)
         assert word in found.reason
+
+
+def test_a_stiff_damper_gets_an_implicit_method():
+    """A body on a slide, rate d / m = 5e4 1/s: x = u t + (v - u) (1 - exp(-d t / m)) m / d, with u = m g . z / d."""
+    base = TREES["single_prismatic"]
+    body = replace(base.bodies[0], mass=0.02)
+    damper = JointSpring("damper", base.joints[0].name, "distance", 0.0, 1000.0, 0.0)
+    mechanism = replace(base, bodies=(body,), joint_springs=(damper,))
+    state = initial_state(mechanism, Initial(rates={base.joints[0].name: {"distance": 3.0}}))
+    z = state.R_WB[0] @ base.joints[0].M.R[:, 2]
+    times, u, tau = np.linspace(0.0, 0.2, 5), 0.02 * mechanism.gravity @ z / 1000.0, 0.02 / 1000.0
+    expected = u * times + (3.0 - u) * tau * (1.0 - np.exp(-times / tau))
+    engine = MujocoEngine()
+    rk4, implicit, *_ = engine.methods(mechanism, Question.TRAJECTORY)
+    errors = []
+    for substeps in (2000, 4000):
+        found = engine.trajectory(mechanism, state, times, implicit, 0.05 / substeps).p_WB[:, 0]
+        errors.append(np.max(np.abs((found - found[0]) @ z - expected)))
+    assert implicit.name == "implicitfast"
+    assert implicit.order == 1
+    assert errors[1] < 1e-6
+    with pytest.raises(EngineWarningError, match="unstable"):
+        engine.trajectory(mechanism, state, times, rk4, 0.05 / rk4.substeps[-1])
+    soft = replace(mechanism, joint_springs=(replace(damper, damping=1.0),))
+    assert "implicitfast" not in [m.name for m in engine.methods(soft, Question.TRAJECTORY)]
+
+
+@pytest.mark.parametrize(("mass", "moment"), [(1e-16, 1.0), (1.0, 5e-16)])
+def test_bodies_below_the_bound_of_mujoco_are_unsupported(mass, moment):
+    base = TREES["single_revolute"]
+    inertia = np.diag([moment, 1.1 * moment, 1.2 * moment])
+    mechanism = replace(base, bodies=(replace(base.bodies[0], mass=mass, inertia=inertia),))
+    for question in Question:
+        (refusal,) = MujocoEngine().unsupported(mechanism, question)
+        assert refusal.feature == f"body 'b0': {min(mass, moment):g} kg or kg m^2"
+        assert "1e-15" in refusal.reason
+    with pytest.raises(ValueError, match="mjMINVAL"):
+        translate(mechanism)

@@ -63,5 +63,5 @@ def test_the_reference_meets_the_values(name):
         method = engine.methods(mechanism, Question.TRAJECTORY)[0]
         motion = engine.trajectory(mechanism, start, times, method, 1e-13)
         assert Scales.of(mechanism, motion).size > 0
-        found += against_published(mechanism, case.published, motion, np.full(len(times), REFERENCE))
+        found += against_published(mechanism, case.published, [motion], np.full(len(times), REFERENCE))
     assert [f"{q.name}: {q.remark}: off {q.difference:.2g}, bar {q.bar:.2g}" for q in found if not q.met] == []

@@ -49,7 +49,7 @@ def test_motions_in_a_row_are_the_joint_they_make(kind):
         (("P", HERE, X), ("P", HERE, Z), ("R", HERE, Z)),  # a slide out of the plane
         (("R", HERE, X), ("R", HERE, SKEW), ("R", HERE, Z)),  # three coplanar axes
         (("R", HERE, X), ("R", THERE, Y), ("R", HERE, Z)),  # axes not through one point
-        (("P", HERE, X), ("P", HERE, Y)),
+        (("P", HERE, X), ("P", HERE, -X)),
     ],
 )
 def test_a_row_that_only_looks_like_a_joint_is_none(row):
@@ -159,13 +159,14 @@ REFUSED = {
     "it carries b and c": urdf(
         inertial="", robot=CHILD.format("b", INERTIAL, "arm") + CHILD.format("c", INERTIAL, "arm")
     ),
-    r"2 joints in a row \(R R\)": urdf(
-        inertial="", joint='<axis xyz="0.6 0.8 0"/>', robot=CHILD.format("b", INERTIAL, "arm")
-    ),
+    r"2 joints in a row \(R R\)": urdf(inertial="", robot=CHILD.format("b", INERTIAL, "arm")),
     "no joint type 'hinge'": urdf(kind="hinge"),
     "its axis has no length": urdf(joint='<axis xyz="0 0 0"/>'),
     "'xyz' is not 3 finite numbers": urdf(joint='<axis xyz="0 nan 1"/>'),
-    "'value' is not 1 finite number": urdf(inertial="<inertial/>"),
+    "link 'arm': 'value' is missing": urdf(inertial="<inertial/>"),
+    "link 'arm': 'ixy' is missing": urdf(inertial=INERTIAL.replace('ixy="0"', "")),
+    "'iyz' is not 1 finite number": urdf(inertial=INERTIAL.replace('iyz="0"', 'iyz="none"')),
+    "no link of this file has an <inertial>": urdf(inertial="", more="<visual/>"),
     "mass is -1 kg": urdf(inertial=INERTIAL.replace('value="2"', 'value="-1"')),
     "there is no link 'hand'": urdf(
         robot='<joint name="k" type="fixed"><parent link="arm"/><child link="hand"/></joint>'
@@ -255,7 +256,10 @@ def test_everything_of_a_mjcf_left_out_is_named(tmp_path):
 
 MJCF_REFUSED = {
     "MuJoCo refuses it": "<mujoco><worldbody><body/></worldbody><nonsense/></mujoco>",
-    "it holds a joint at a constant": mjcf(more='<equality><joint joint1="j"/></equality>'),
+    "its inertia is that of the mesh 'm', which is not there": mjcf(
+        inside='<body name="b"><joint/><geom type="mesh" mesh="m"/></body>',
+        more='<asset><mesh name="m" file="shell.stl"/></asset>',
+    ),
     "an equality of tendons": mjcf(
         more='<tendon><fixed name="t"><joint joint="j" coef="1"/></fixed></tendon>'
         "<equality><tendon tendon1='t'/></equality>"
@@ -267,6 +271,52 @@ MJCF_REFUSED = {
 def test_what_of_a_mjcf_no_case_can_express_is_refused(tmp_path, what):
     with pytest.raises(InvalidInput, match=what):
         read_mjcf(tmp_path, MJCF_REFUSED[what])
+
+
+def test_everything_of_a_tendon_left_out_is_named(tmp_path):
+    sites = '<site name="w"/>', '<site name="s" pos="0.2 0 0"/>'
+    tendon = (
+        '<tendon><spatial name="t" stiffness="7" armature="0.5" frictionloss="2" limited="true" range="0 3">'
+        '<site site="w"/><site site="s"/></spatial></tendon>'
+    )
+    found = read_mjcf(tmp_path, mjcf(' actuatorfrcrange="-1 1"', sites[1], sites[0], tendon))
+    told = {reason.split(",")[0].split(":")[0]: elements for reason, elements in found.notes.left_out.items()}
+    assert told == {
+        "limits of motors": ["j"],
+        "limits": ["t"],
+        "armature": ["t"],
+        "Coulomb friction": ["t"],
+        "shapes and their contacts": ["mechanism"],
+    }
+    assert len(found.case.mechanism.springs) == 1
+
+
+def test_a_mesh_that_is_not_there_matters_only_for_inertia(tmp_path):
+    inertial = '<inertial pos="0.1 0 0" mass="1" diaginertia="0.01 0.02 0.03"/>'
+    text = mjcf(
+        inside=f'<body name="b">{inertial}<joint/><geom type="mesh" mesh="m"/></body>',
+        more='<asset><mesh name="m" file="shell.stl"/></asset>',
+    )
+    found = read_mjcf(tmp_path, text)
+    assert found.notes.left_out["meshes that are not there: shapes, which a case does not have"] == ["m"]
+    np.testing.assert_allclose(found.case.mechanism.bodies[1].inertia, np.diag([0.01, 0.02, 0.03]), atol=1e-17)
+
+
+@pytest.mark.parametrize("text", [f"{mjcf()}\n\\ ", mjcf(world=" loose "), f"\n{mjcf()}"])
+def test_text_outside_of_elements_says_nothing_of_a_mjcf(tmp_path, text):
+    assert len(read_mjcf(tmp_path, text).case.mechanism.bodies) == 1
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "\n" + '<?xml version="1.0"?>' + urdf(),
+        urdf().replace("<robot ", '<robot xmlns="http://www.ros.org" '),
+        urdf() + " end",
+    ],
+)
+def test_what_engines_overlook_in_a_urdf_is_overlooked(tmp_path, text):
+    assert len(read(tmp_path, text).case.mechanism.bodies) == 1
 
 
 def test_an_equality_that_is_off_is_left_out(tmp_path):

@@ -16,7 +16,7 @@ def test_a_value_that_is_missed_is_marked_and_ends_with_one(monkeypatch, tmp_pat
     wrong = replace(case.published[0], value=case.published[0].value + 1e-3)
     found = list(values.found_values(replace(case, published=(wrong, *case.published[1:]))))
     assert [one.met for one in found] == [False] + [True] * (len(case.published) - 1)
-    assert found[0].off == pytest.approx(1e-3, rel=1e-6)
+    assert found[0].measured.off == pytest.approx(1e-3, rel=1e-6)
     rows = values.table(found).splitlines()
     assert "**missed**" in rows[2]
     assert not any("**missed**" in row for row in rows[3:])
@@ -45,5 +45,5 @@ def test_values_are_written_in_the_format_that_is_asked_for(capsys):
 
 def test_values_of_the_start_are_read_from_accelerations():
     found = list(values.found_values(load_case("incline")))
-    assert {one.known.at_start for one in found} == {True, False}
+    assert {one.measured.known.at_start for one in found} == {True, False}
     assert all(one.met for one in found)

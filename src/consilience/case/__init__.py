@@ -10,21 +10,25 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from consilience.case.case import Case
-from consilience.case.published import Published, read_motion, read_start, scale_of
+from consilience.case.equations import later_equations
+from consilience.case.published import ACCELERATIONS, Published, read_motion, read_start, sample_of, scale_of
 
 if TYPE_CHECKING:
     from consilience.case.library import case_files, case_names, cases_like, load_case, load_cases, shipped_cases
 
 __all__ = [
+    "ACCELERATIONS",
     "Case",
     "Published",
     "case_files",
     "case_names",
     "cases_like",
+    "later_equations",
     "load_case",
     "load_cases",
     "read_motion",
     "read_start",
+    "sample_of",
     "scale_of",
     "shipped_cases",
 ]

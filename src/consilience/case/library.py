@@ -52,8 +52,10 @@ def cases_like(incomplete: str) -> list[str]:
     return [name for name in names if name.startswith(incomplete)]
 
 
-def load_cases(name: str) -> list[Case]:
+def load_cases(name: str | Path) -> list[Case]:
     """Return the cases of a name: a shipped case or all its variants, a member of a family, or the path of a file.
+
+    A `pathlib.Path` is always a file.
 
     In the name of a shipped case ``-`` and ``_`` are the same.
 
@@ -62,8 +64,10 @@ def load_cases(name: str) -> list[Case]:
     InvalidInput
         There is no such case.
     """
-    if name.endswith(".toml") or "/" in name:
-        return [replace(case, call=name) for case in load_file(Path(name))]
+    if not isinstance(name, str | Path):
+        raise InvalidInput("case", f"it is a {type(name).__name__}", "Give the name of a case or the path of its file.")
+    if isinstance(name, Path) or name.endswith(".toml") or "/" in name:
+        return [replace(case, call=str(name)) for case in load_file(Path(name))]
     if ":" in name:
         return [replace(case, call=name) for case in family_cases(name)]
     plain = name.replace("-", "_")
@@ -84,7 +88,7 @@ def load_cases(name: str) -> list[Case]:
     )
 
 
-def load_case(name: str) -> Case:
+def load_case(name: str | Path) -> Case:
     """Return one case by name or path.
 
     Raises

@@ -1,6 +1,7 @@
 """Expected values of a case, each with an uncertainty and a source, and their counterparts in an answer.
 
-Values of a motion are read at a sample time. Accelerations and reactions are those of the initial state.
+Values are read at a sample time. Accelerations and reactions of the initial state are those of an answer at instants,
+later ones follow from the states of a motion.
 """
 
 from __future__ import annotations
@@ -11,17 +12,9 @@ from typing import Literal
 
 import numpy as np
 
+from consilience.case.equations import later_equations, unwrapped
 from consilience.engine import InstantAnswer, TrajectoryAnswer
-from consilience.mechanism import (
-    JOINT_KINDS,
-    Array,
-    Mechanism,
-    State,
-    body_point,
-    joint_coordinates,
-    joint_rates,
-    relative_motion,
-)
+from consilience.mechanism import JOINT_KINDS, Array, Mechanism, State, body_point, joint_rates, relative_motion
 
 Origin = Literal["printed", "closed form", "computed"]
 """A source prints the value; a formula gives it; or two independent computations agree on it."""
@@ -37,7 +30,7 @@ class Published:
     Attributes
     ----------
     observable : str
-        A name of `OF_A_BODY`, `OF_A_JOINT`, `BODY_AT_START` or `JOINT_AT_START`.
+        A name of `OF_A_BODY`, `OF_A_JOINT`, `ACCELERATIONS` or `REACTIONS`.
     of : str
         Name of the body or joint.
     component : int
@@ -66,7 +59,12 @@ class Published:
     @property
     def at_start(self) -> bool:
         """Whether the value belongs to the equations at the initial state, not to the motion."""
-        return self.observable in BODY_AT_START or self.observable in JOINT_AT_START
+        return self.of_equations and self.time == 0.0
+
+    @property
+    def of_equations(self) -> bool:
+        """Whether the value is an acceleration or a reaction."""
+        return self.observable in ACCELERATIONS or self.observable in REACTIONS
 
     @property
     def name(self) -> str:
@@ -75,9 +73,12 @@ class Published:
         return f"{self.observable} of {self.of}{axis} at {self.time:g} s"
 
     def off(self, found: float) -> float:
-        """Return the distance of a found value to the expected value; angles modulo full turns."""
+        """Return the distance of a found value to the expected value.
+
+        Angles within half a turn are compared modulo full turns, others, which count turns, as they are.
+        """
         difference = found - self.value
-        if self.observable in ("angle", "angle1", "angle2"):
+        if self.observable in ("angle", "angle1", "angle2") and abs(self.value) <= np.pi:
             difference = float(np.remainder(difference + np.pi, 2.0 * np.pi) - np.pi)
         return abs(difference)
 
@@ -91,13 +92,16 @@ OF_A_BODY: dict[str, tuple[Callable[[Mechanism, State, int], Array], Scale]] = {
     "p_WB": (lambda mechanism, state, i: state.p_WB[i], "size"),
     "v_WB_W": (lambda mechanism, state, i: state.v_WB_W[i], "speed"),
     "w_WB_W": (lambda mechanism, state, i: state.w_WB_W[i], "spin"),
+    "w_WB_B": (lambda mechanism, state, i: state.R_WB[i].T @ state.w_WB_W[i], "spin"),
     "p_WBcm": (lambda mechanism, state, i: _center(mechanism, state, i)[0], "size"),
     "v_WBcm_W": (lambda mechanism, state, i: _center(mechanism, state, i)[1], "speed"),
     "x_axis": (lambda mechanism, state, i: state.R_WB[i][:, 0], ""),
     "y_axis": (lambda mechanism, state, i: state.R_WB[i][:, 1], ""),
     "z_axis": (lambda mechanism, state, i: state.R_WB[i][:, 2], ""),
 }
-"""Vectors of a body in a motion: pose and velocities of the origin and of the centre of mass, axes in the world."""
+"""Vectors of a body in a motion: pose and velocities of the origin and of the centre of mass, axes in the world.
+
+They are in world axes, but the angular velocity w_WB_B, which is in axes of the body."""
 
 _COORDINATES = ("angle", "distance", "x", "y", "angle1", "angle2")
 
@@ -107,10 +111,10 @@ OF_A_JOINT: dict[str, tuple[str, Scale]] = {
 }
 """Scalars of a joint in a motion, each the value or the rate of a joint coordinate: that coordinate, and the scale."""
 
-BODY_AT_START = ("a_WB_W", "alpha_WB_W")
+ACCELERATIONS = ("a_WB_W", "alpha_WB_W")
 """Acceleration of the origin of a body, and its angular acceleration."""
 
-JOINT_AT_START = ("force_F", "torque_F")
+REACTIONS = ("force_F", "torque_F")
 """Reaction of a joint on the successor, at the origin of M, in axes of F."""
 
 
@@ -125,19 +129,29 @@ def scale_of(observable: str) -> Scale:
 
 
 def read_motion(mechanism: Mechanism, known: Published, motion: TrajectoryAnswer) -> float:
-    """Return the value of a motion for an expected value that is not `at_start`."""
-    state = motion.state(int(abs(motion.time - motion.time[0] - known.time).argmin()))
+    """Return the value of a motion for an expected value that is not `at_start`; an angle counts full turns."""
+    n = sample_of(known, motion)
+    if known.of_equations:
+        index = mechanism.body_index if known.observable in ACCELERATIONS else mechanism.joint_index
+        return float(later_equations(mechanism, motion, n)[known.observable][index[known.of], known.component])
+    state = motion.state(n)
     if known.observable in OF_A_BODY:
         read, _ = OF_A_BODY[known.observable]
         return float(read(mechanism, state, mechanism.body_index[known.of])[known.component])
     coordinate, _ = OF_A_JOINT[known.observable]
     joint = mechanism.joints[mechanism.joint_index[known.of]]
-    values = joint_rates if known.observable.endswith("_rate") else joint_coordinates
-    return float(values(joint, relative_motion(mechanism, state, joint))[coordinate])
+    if known.observable.endswith("_rate"):
+        return float(joint_rates(joint, relative_motion(mechanism, state, joint))[coordinate])
+    return unwrapped(mechanism, motion, joint, coordinate, n)
+
+
+def sample_of(known: Published, motion: TrajectoryAnswer) -> int:
+    """Return the sample of a motion at the time of an expected value."""
+    return int(abs(motion.time - motion.time[0] - known.time).argmin())
 
 
 def read_start(mechanism: Mechanism, known: Published, answer: InstantAnswer) -> Array:
     """Return the vector of an answer, first state, for an expected value that is `at_start`; NaN without answer."""
-    index = mechanism.body_index if known.observable in BODY_AT_START else mechanism.joint_index
+    index = mechanism.body_index if known.observable in ACCELERATIONS else mechanism.joint_index
     values = getattr(answer, known.observable)
     return np.full(3, np.nan) if values is None else np.asarray(values[0, index[known.of]])

@@ -55,7 +55,7 @@ def reference_motion_of(case: Case, references: Sequence[Run]) -> tuple[Referenc
     motions = [run.answer for run in references if not _displaced(run)]
     displaced = [run.answer for run in references if _displaced(run)]
     spread = spread_over_time(mechanism, motions)
-    known = against_published(mechanism, case.published, motions[0], spread)
+    known = against_published(mechanism, case.published, motions, spread)
     growing = growth(mechanism, motions[0], displaced)
     return ReferenceMotion(motions[0], spread, case.digits, growing, dispute(known)), known
 

@@ -17,7 +17,7 @@ from consilience.engine.answers import (
     Unsupported,
 )
 from consilience.engine.elementary_models import ELEMENTARY, axis_link, merged_spring, without_screws
-from consilience.engine.harness_solvers import numerical_rank, runge_kutta_4, solve_constrained
+from consilience.engine.harness_solvers import numerical_rank, require_stable, runge_kutta_4, solve_constrained
 from consilience.engine.installation import adapter_file, engine_distribution, lacks_engine, pip_requirement
 from consilience.engine.protocol import (
     Engine,
@@ -29,11 +29,14 @@ from consilience.engine.protocol import (
     load_engine,
     require_installed,
     split_name,
+    steps_per_sample,
 )
 from consilience.engine.questions import Answer, Question, defects, load_named
+from consilience.engine.rods import ROD_MARGIN, rod_turn, rods_of, suited_rods, turned_rods
 
 __all__ = [
     "ELEMENTARY",
+    "ROD_MARGIN",
     "Answer",
     "Engine",
     "EngineInfo",
@@ -64,8 +67,14 @@ __all__ = [
     "numerical_rank",
     "pip_requirement",
     "require_installed",
+    "require_stable",
+    "rod_turn",
+    "rods_of",
     "runge_kutta_4",
     "solve_constrained",
     "split_name",
+    "steps_per_sample",
+    "suited_rods",
+    "turned_rods",
     "without_screws",
 ]

@@ -12,6 +12,9 @@ import numpy as np
 
 from consilience.mechanism import RANK_TOLERANCE, Array
 
+STABLE_RATE = 2.785
+"""Real axis of the stability region of the classical method of order four: decay rate times step."""
+
 
 def numerical_rank(J: Array) -> int:
     """Return the number of singular values of J, shape (r, n), above `RANK_TOLERANCE` times the largest."""
@@ -49,6 +52,20 @@ def solve_constrained(M: Array, f: Array, J: Array, gamma: Array) -> tuple[Array
     return a, Vt[:rank].T @ (along / s[:rank])
 
 
+def require_stable(values: Array, step: float) -> None:
+    """Refuse values of an explicit method of order four that are not finite, and name the rates that the step resolves.
+
+    Raises
+    ------
+    FloatingPointError
+    """
+    if not np.all(np.isfinite(values)):
+        raise FloatingPointError(
+            f"the motion is not finite by steps of {step:g} s: an explicit method of order four is stable at rates "
+            f"below {STABLE_RATE / step:.3g} 1/s, and the mechanism has faster ones or a singular pose"
+        )
+
+
 def runge_kutta_4(
     derivative: Callable[[Array], Array], y: Array, step: float, count: int, record: Callable[[Array], None], every: int
 ) -> Array:
@@ -70,6 +87,11 @@ def runge_kutta_4(
     -------
     ndarray
         Final value of y.
+
+    Raises
+    ------
+    FloatingPointError
+        A recorded y is not finite.
     """
     record(y)
     for n in range(1, count + 1):
@@ -79,5 +101,6 @@ def runge_kutta_4(
         k4 = derivative(y + step * k3)
         y = y + (step / 6.0) * (k1 + 2.0 * (k2 + k3) + k4)
         if n % every == 0:
+            require_stable(y, step)
             record(y)
     return y

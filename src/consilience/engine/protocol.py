@@ -16,6 +16,8 @@ from importlib.metadata import EntryPoint, entry_points
 from types import ModuleType
 from typing import Protocol
 
+import numpy as np
+
 from consilience.engine.answers import (
     EngineInfo,
     InstantAnswer,
@@ -27,10 +29,13 @@ from consilience.engine.answers import (
 )
 from consilience.engine.installation import adapter_file, lacks_engine, pip_requirement
 from consilience.engine.questions import Question
-from consilience.errors import InvalidInput
+from consilience.errors import InvalidInput, require
 from consilience.mechanism import Array, Mechanism, State
 
 GROUP = "consilience.engines"
+
+WHOLE = 1e-9
+"""Largest relative error of a number of steps that counts as whole: rounding of differences of sample times."""
 
 
 class Engine(Protocol):
@@ -170,6 +175,29 @@ def load_engine(name: str) -> Engine:
     return engine
 
 
+def steps_per_sample(times: Array, step: float) -> int:
+    """Return the number of steps in a sample interval, for an engine with a fixed step.
+
+    Parameters
+    ----------
+    times : ndarray, shape (n_t,), s
+        Uniform grid of samples.
+    step : float, s
+
+    Raises
+    ------
+    InvalidInput
+        The step is not positive, longer than the interval, or does not divide the interval.
+    """
+    interval = float(times[1] - times[0])
+    ratio = interval / step if step > 0.0 else 0.0
+    count = round(ratio) if np.isfinite(ratio) else 0
+    if count < 1 or abs(ratio - count) > WHOLE * count:
+        near = f"{interval / max(count, 1):g} s" if step > 0.0 else f"{interval:g} s or a whole fraction of it"
+        raise InvalidInput("step", f"{step:g} s does not divide the sample interval of {interval:g} s", f"Give {near}.")
+    return count
+
+
 def split_name(name: str) -> tuple[str, str, str]:
     """Return name, variant and version of ``NAME[:VARIANT][@VERSION]``; absent parts are empty."""
     engine, _, version = name.partition("@")
@@ -184,6 +212,7 @@ def require_installed(name: str) -> None:
     ------
     InvalidInput
     """
+    require(name, str, "engine", "Give the name of an engine.")
     known = installed()
     if split_name(name)[0] not in known:
         raise InvalidInput(f"engine '{name}'", "it is not installed", f"Installed engines: {', '.join(known)}.")

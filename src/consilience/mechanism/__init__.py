@@ -58,7 +58,7 @@ from consilience.mechanism.elements import (
 from consilience.mechanism.functions import Function, Jet, Table, constant, linear, sine, through
 from consilience.mechanism.joint_rows import full_turns, joint_frames, row_gamma, row_jacobian, row_target, row_value
 from consilience.mechanism.joints import AXIS_COORDINATES, BASIC_CONSTRAINTS, JOINT_KINDS, JointKind
-from consilience.mechanism.model import GROUND, Body, Frame, Joint, Mechanism, State, check_inertia
+from consilience.mechanism.model import GROUND, Body, Frame, Joint, Mechanism, State, check_inertia, require_states
 from consilience.mechanism.observables import (
     body_point,
     centres_of_mass,
@@ -188,6 +188,7 @@ __all__ = [
     "reaction_in_F",
     "reaction_map",
     "relative_motion",
+    "require_states",
     "rolling_contact",
     "rolling_rows",
     "rotation_angle_between",

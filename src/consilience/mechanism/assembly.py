@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from consilience.errors import CannotAssemble, InvalidInput
+from consilience.errors import CannotAssemble, InvalidInput, require
 from consilience.mechanism.constraints import (
     RANK_TOLERANCE,
     constraint_jacobian,
@@ -31,6 +31,7 @@ from consilience.mechanism.joints import JOINT_KINDS
 from consilience.mechanism.model import GROUND, Frame, Joint, Mechanism, State
 from consilience.mechanism.spatial import (
     Array,
+    fixed_array,
     quaternion_from_rotation,
     quaternion_from_rotation_vector,
     quaternion_product,
@@ -141,12 +142,28 @@ def held_coordinates(
 ) -> HeldCoordinates:
     """Return the held joint coordinates of a mapping by names; refuse unknown joints and coordinates."""
     held: HeldCoordinates = []
+    require(values, Mapping, f"initial.{field_name}", "Give values by joint and coordinate: {'pin': {'angle': 0.5}}.")
     for name, by_coordinate in values.items():
         joint = _joint(mechanism, name, field_name)
+        known = JOINT_KINDS[joint.kind].coordinates
+        where = f"initial.{field_name}: joint '{name}'"
+        require(by_coordinate, Mapping, where, f"Give values by coordinate: {', '.join(known) or 'none'}.")
         for coordinate, value in by_coordinate.items():
+            if coordinate == "angular_velocity" and "orientation" in known:
+                remedy = "Among rates 'orientation' is the angular velocity in axes of F, three numbers in rad/s."
+                raise InvalidInput(where, "'angular_velocity' is no coordinate", remedy)
             _check_coordinate(joint, coordinate)
-            held.append((joint, coordinate, value))
+            held.append((joint, coordinate, _held_value(where, coordinate, value, rates=field_name == "rates")))
     return held
+
+
+def _held_value(where: str, coordinate: str, value: ArrayLike, rates: bool) -> Array:
+    """Return a held coordinate or rate as an array; refuse other shapes and what is not finite."""
+    size = {"position": 3, "orientation": 3 if rates else 4}.get(coordinate, 1)
+    hint = ""
+    if coordinate == "orientation":
+        hint = " It is an angular velocity in axes of F." if rates else " It is a quaternion, scalar first."
+    return fixed_array(np.atleast_1d(np.asarray(value)), (size,), f"{where}: {coordinate}", hint)
 
 
 def row_names(mechanism: Mechanism, held: HeldCoordinates, velocities: bool) -> list[str]:
@@ -282,7 +299,10 @@ def assemble_velocities(
 
 def initial_state(mechanism: Mechanism, initial: Initial | None = None, t: float = 0.0) -> State:
     """Return the consistent state of a mechanism at the time t, in s, for given initial conditions."""
-    initial = initial or Initial()
+    initial = Initial() if initial is None else initial
+    require(initial, Initial, "initial", "Give Initial(coordinates={'pin': {'angle': 0.5}}).")
+    for name, pose in initial.poses.items():
+        require(pose, Frame, f"initial.poses: body '{name}'", "Give Frame(p, R), the pose in the world.")
     for name in (*initial.poses, *initial.velocities):
         if name not in mechanism.body_index or name == GROUND:
             known = ", ".join(b.name for b in mechanism.bodies)
@@ -291,8 +311,11 @@ def initial_state(mechanism: Mechanism, initial: Initial | None = None, t: float
     rates = held_coordinates(mechanism, initial.rates, "rates")
     placed = assemble_positions(mechanism, drawing_state(mechanism, initial.poses), coordinates, t)
     v, w = np.zeros_like(placed.v_WB_W), np.zeros_like(placed.w_WB_W)
-    for name, (v_body, w_body) in initial.velocities.items():
-        v[mechanism.body_index[name]], w[mechanism.body_index[name]] = v_body, w_body
+    for name, both in initial.velocities.items():
+        hint = " It is v_WB_W, then w_WB_W."
+        v[mechanism.body_index[name]], w[mechanism.body_index[name]] = fixed_array(
+            np.array(both, dtype=object), (2, 3), f"initial.velocities: body '{name}'", hint
+        )
     return assemble_velocities(mechanism, State(placed.p_WB, placed.quat_WB, v, w), rates, t)
 
 

@@ -10,23 +10,34 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
-from consilience.errors import InvalidInput
+from consilience.errors import InvalidInput, require
 from consilience.mechanism.functions import Function
 from consilience.mechanism.spatial import Array, fixed_array
 
 
-def _fix(element: object, *names: str) -> None:
+def _named(element: Any, field_name: str) -> str:
+    """Kind and name of an element, and a field, as messages name them."""
+    return f"{type(element).__name__.lower()} '{element.name}': {field_name}"
+
+
+def _fix(element: Any, *names: str) -> None:
     for name in names:
-        object.__setattr__(element, name, fixed_array(getattr(element, name), (3,)))
+        object.__setattr__(element, name, fixed_array(getattr(element, name), (3,), _named(element, name)))
+
+
+def _law(element: Any, field_name: str) -> None:
+    """Refuse a law that is no function."""
+    remedy = "Give a Function: Function(polynomial=[1.0]) is a constant."
+    require(getattr(element, field_name), Function, _named(element, field_name), remedy)
 
 
 def _unit(element: object, where: str, name: str) -> None:
     """Make a direction a unit vector."""
-    direction = fixed_array(getattr(element, name), (3,))
+    direction = fixed_array(getattr(element, name), (3,), f"{where}: {name}")
     norm = float(np.linalg.norm(direction))
     if norm == 0.0:
         raise InvalidInput(f"{where}: {name}", "the direction has no length", "Give a vector other than zero.")
@@ -146,6 +157,9 @@ class Control:
     integral: float = 0.0
     derivative: float = 0.0
 
+    def __post_init__(self) -> None:
+        _law(self, "target")
+
 
 @dataclass(frozen=True, eq=False)
 class Load:
@@ -183,6 +197,9 @@ class Drive:
     coordinate: str
     motion: Function
 
+    def __post_init__(self) -> None:
+        _law(self, "motion")
+
 
 @dataclass(frozen=True, eq=False)
 class Coupling:
@@ -199,6 +216,7 @@ class Coupling:
     law: Function
 
     def __post_init__(self) -> None:
+        _law(self, "law")
         if (self.driver_joint, self.driver_coordinate) == (self.joint, self.coordinate):
             what = f"it couples the {self.coordinate} of joint '{self.joint}' with itself"
             raise InvalidInput(f"coupling '{self.name}'", what, "Couple two coordinates.")

@@ -8,13 +8,14 @@ called ``ground``; B is the frame of a body. ``p_WB`` is the position of the ori
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
 from functools import cached_property
+from numbers import Real
 
 import numpy as np
 
-from consilience.errors import InvalidInput
+from consilience.errors import InvalidInput, require
 from consilience.mechanism.contacts import Contact
 from consilience.mechanism.elements import Control, Coupling, Drive, Friction, JointSpring, Load, Rolling, Skate, Spring
 from consilience.mechanism.joints import AXIS_COORDINATES, JOINT_KINDS
@@ -40,8 +41,9 @@ class Frame:
     R: Array
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "p", fixed_array(self.p, (3,)))
-        object.__setattr__(self, "R", fixed_array(self.R, (3, 3)))
+        object.__setattr__(self, "p", fixed_array(self.p, (3,), "frame: p"))
+        hint = " Of a quaternion: consilience.mechanism.rotation_from_quaternion."
+        object.__setattr__(self, "R", fixed_array(self.R, (3, 3), "frame: R", hint))
         x, y, z = self.R.T
         if np.max(np.abs(self.R.T @ self.R - _ONE)) > 1e-9 or cross(x, y) @ z < 0:
             raise InvalidInput("frame", "the matrix is not a rotation", "Give an orthogonal matrix of determinant +1.")
@@ -72,8 +74,11 @@ class Body:
 
     def __post_init__(self) -> None:
         where = f"body '{self.name}'"
-        object.__setattr__(self, "com", fixed_array(self.com, (3,)))
-        object.__setattr__(self, "inertia", fixed_array(self.inertia, (3, 3)))
+        object.__setattr__(self, "com", fixed_array(self.com, (3,), f"{where}: com"))
+        hint = " Of principal moments: np.diag([1.0, 1.0, 1.0])."
+        object.__setattr__(self, "inertia", fixed_array(self.inertia, (3, 3), f"{where}: inertia", hint))
+        require(self.drawing, Frame, f"{where}: drawing", "Give Frame(p, R), the pose in the drawing.")
+        require(self.mass, Real, f"{where}: mass", "Give a number, in kg.")
         if not (np.isfinite(self.mass) and self.mass > 0):
             raise InvalidInput(f"{where}: mass", f"{self.mass} kg is not positive", "Give a mass above zero.")
         check_inertia(self.inertia, f"{where}: inertia")
@@ -136,6 +141,8 @@ class Joint:
 
     def __post_init__(self) -> None:
         where = f"joint '{self.name}'"
+        for name in ("F", "M"):
+            require(getattr(self, name), Frame, f"{where}: {name}", "Give Frame(p, R), in axes of the body.")
         if self.kind not in JOINT_KINDS:
             raise InvalidInput(
                 f"{where}: kind", f"'{self.kind}' is not a joint kind", f"Use one of {', '.join(JOINT_KINDS)}."
@@ -143,7 +150,8 @@ class Joint:
         if self.predecessor == self.successor:
             raise InvalidInput(where, f"both sides are '{self.successor}'", "Join two different bodies.")
         if self.kind == "rod" and not self.length > 0:
-            raise InvalidInput(f"{where}: length", f"{self.length} m", "Draw the two ends of the rod apart.")
+            what = "the ends of the rod coincide" if self.length == 0.0 else f"{self.length} m"
+            raise InvalidInput(f"{where}: length", what, "Draw the two ends of the rod apart.")
         if (self.kind == "screw") != (self.pitch != 0.0) or not np.isfinite(self.pitch):
             raise InvalidInput(f"{where}: pitch", f"{self.pitch} m", "Give a screw, and no other kind, its pitch.")
 
@@ -196,7 +204,14 @@ class Mechanism:
     contacts: tuple[Contact, ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "gravity", fixed_array(self.gravity, (3,)))
+        where = f"mechanism '{self.name}'"
+        object.__setattr__(self, "gravity", fixed_array(self.gravity, (3,), f"{where}: gravity"))
+        for name, kind in (("bodies", Body), ("joints", Joint)):
+            given = getattr(self, name)
+            require(given, Iterable, f"{where}: {name}", f"Give a sequence of {kind.__name__}.")
+            object.__setattr__(self, name, tuple(given))
+            for n, one in enumerate(getattr(self, name)):
+                require(one, kind, f"{where}: {name}[{n}]", f"Give a sequence of {kind.__name__}.")
         if not self.bodies:
             raise InvalidInput(f"mechanism '{self.name}': body", "there is no body", "Give at least one [[body]].")
         self._check_names()
@@ -340,9 +355,10 @@ class State:
     w_WB_W: Array
 
     def __post_init__(self) -> None:
-        n = len(self.p_WB)
+        n = 1 if np.ndim(self.p_WB) < 2 and np.size(self.p_WB) else len(self.p_WB)
         for name, width in (("p_WB", 3), ("quat_WB", 4), ("v_WB_W", 3), ("w_WB_W", 3)):
-            object.__setattr__(self, name, fixed_array(getattr(self, name), (n, width)))
+            value = fixed_array(getattr(self, name), (n, width), f"state: {name}", " One row is one body.")
+            object.__setattr__(self, name, value)
         lengths = np.sqrt((self.quat_WB * self.quat_WB).sum(axis=1))
         if n and abs(lengths - 1.0).max() > 1e-12:
             raise InvalidInput("state: quat_WB", "a quaternion is not unit", "Normalise it before building a state.")
@@ -351,3 +367,20 @@ class State:
     def R_WB(self) -> Array:
         """Rotation matrices of the bodies, shape (n_b, 3, 3)."""
         return rotation_from_quaternion(self.quat_WB)
+
+
+def require_states(mechanism: Mechanism, states: Iterable[State]) -> None:
+    """Refuse what is no mechanism, and states that are not of this mechanism.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    require(mechanism, Mechanism, "mechanism", "Give a Mechanism; that of a case is case.mechanism.")
+    if isinstance(states, State):
+        raise InvalidInput("states", "it is one state, not a sequence of states", "Give a list: [state].")
+    for state in states:
+        require(state, State, "state", "Give a State, for example initial_state(mechanism).")
+        if len(state.p_WB) != len(mechanism.bodies):
+            what = f"it has {len(state.p_WB)} bodies, mechanism '{mechanism.name}' has {len(mechanism.bodies)}"
+            raise InvalidInput("state", what, "Give a state of this mechanism.")

@@ -20,19 +20,31 @@ Array = NDArray[Any]
 """An array; dtype, shape, frame and unit stand in the docstrings."""
 
 
-def fixed_array(value: ArrayLike, shape: tuple[int, ...]) -> Array:
+def fixed_array(value: ArrayLike, shape: tuple[int, ...], where: str = "array", hint: str = "") -> Array:
     """Return a read-only copy of an array of finite numbers.
+
+    Parameters
+    ----------
+    value : array_like
+    shape : tuple of int
+    where : str
+        Object and field, for the message.
+    hint : str
+        What a user may have meant, for the message about another shape.
 
     Raises
     ------
     InvalidInput
-        The shape is another one, or a component is not finite.
+        It holds no numbers, the shape is another one, or a component is not finite.
     """
-    a = np.array(value, dtype=float)
+    try:
+        a = np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        raise InvalidInput(where, "it is no array of numbers", f"Give an array of shape {shape}.{hint}") from None
     if a.shape != shape:
-        raise InvalidInput("array", f"shape {a.shape}", f"Give an array of shape {shape}.")
+        raise InvalidInput(where, f"shape {a.shape}", f"Give an array of shape {shape}.{hint}")
     if not np.isfinite(a).all():
-        raise InvalidInput("array", "a component is not finite", "Give finite numbers.")
+        raise InvalidInput(where, "a component is not finite", "Give finite numbers.")
     a.setflags(write=False)
     return a
 

@@ -8,7 +8,15 @@ import numpy as np
 
 from consilience.engine import InstantAnswer, TrajectoryAnswer
 from consilience.errors import InvalidInput, NumericalFailure
-from consilience.mechanism import Array, Mechanism, State, continuous_in_time, kinetic_energy, potential_energy
+from consilience.mechanism import (
+    Array,
+    Mechanism,
+    State,
+    continuous_in_time,
+    kinetic_energy,
+    potential_energy,
+    require_states,
+)
 from consilience.reference.bodies.arrays import flatten, pack, workspace
 from consilience.reference.bodies.canonical import canonical_motion, sample_times
 from consilience.reference.formulations import compiled_choice, registry
@@ -65,6 +73,7 @@ def simulate(
     NumericalFailure
         With the status of the integrator.
     """
+    require_states(mechanism, (state,))
     registry.refuse_contacts(mechanism)
     if formulation in registry.SYSTEMS:
         for what, given in (("integrator", integrator), ("forces", forces)):
@@ -130,6 +139,7 @@ def accelerations(
     NumericalFailure
         If the accelerations are not finite, for example at a spring of no length.
     """
+    require_states(mechanism, states)
     equations = registry.formulation(formulation, mechanism)
     linear, angular, forces, torques = [], [], [], []
     for state in states:

@@ -23,7 +23,7 @@ from consilience.compare import Comparison, ReferenceMotion
 from consilience.compare.judge import REFERENCE, judge_case, reference_motion
 from consilience.engine import EngineInfo, Question, Run, Status, TrajectoryAnswer
 from consilience.engine.worker.client import MEMORY, EngineHandle, InProcessEngine, Request, Worker, WorkerHandle
-from consilience.errors import ConsilienceError
+from consilience.errors import ConsilienceError, InvalidInput, require
 from consilience.suite.engine_runs import FULL, EngineCase, Thoroughness, ask_case, open_plan
 from consilience.suite.store import Store
 from consilience.suite.warm_up import compiled, compiled_beside
@@ -165,6 +165,22 @@ class _Suite:
         return runs
 
 
+def _refuse_single(**given: tuple[object, type]) -> None:
+    """Refuse one case, name or question where a sequence of them is needed, and entries of another type.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    for what, (value, kind) in given.items():
+        remedy = f"Give a sequence of {kind.__name__}."
+        if isinstance(value, str | Case):
+            raise InvalidInput(what, f"it is one {type(value).__name__}, not a sequence", remedy)
+        require(value, Sequence, what, remedy)
+        for one in value if isinstance(value, Sequence) else ():
+            require(one, kind, what, remedy)
+
+
 def run_suite(
     cases: Sequence[Case],
     engines: Sequence[str],
@@ -198,6 +214,7 @@ def run_suite(
     cluster : Cluster, optional
         Cluster on which the engines run, as many at the same time as it has threads.
     """
+    _refuse_single(cases=(cases, Case), engines=(engines, str), questions=(questions, Question))
     cases = [thoroughness.case(case) for case in cases]
     names = [REFERENCE, *(name for name in engines if name != REFERENCE)]
     for case in cases:

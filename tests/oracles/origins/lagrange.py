@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from consilience.case import read_motion, read_start
-from consilience.case.published import JOINT_AT_START
+from consilience.case.published import REACTIONS
 from consilience.engine import InstantAnswer, TrajectoryAnswer
 from consilience.mechanism import GROUND, quaternion_from_rotation, rotation_from_quaternion, rotation_with_z_axis
 from oracles.integrate import integrate
@@ -270,7 +270,7 @@ def values(case, published):
     tree = Tree(case)
     motion = tree.motion(sorted({0.0, *(known.time for known in published)}))
     start = tree.first() if any(known.at_start for known in published) else None
-    if any(known.observable in JOINT_AT_START for known in published):
+    if any(known.observable in REACTIONS for known in published):
         assert not [*case.mechanism.springs, *case.mechanism.joint_springs], "springs share the load"
     return np.array(
         [

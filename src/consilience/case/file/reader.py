@@ -6,7 +6,7 @@ The mechanism is drawn in the world in an assembled pose. A joint is one frame o
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,7 @@ from consilience.case.file.schema import (
     VariantTable,
 )
 from consilience.case.file.values import LARGEST, Orientation
-from consilience.case.published import OF_A_JOINT, Published, has_coordinate
+from consilience.case.published import ACCELERATIONS, OF_A_JOINT, REACTIONS, Published, has_coordinate
 from consilience.errors import InvalidInput
 from consilience.mechanism import (
     GROUND,
@@ -174,6 +174,11 @@ def _published(mechanism: Mechanism, tables: list[PublishedTable], span: Traject
             raise InvalidInput(
                 f"{where}.time", f"{table.time:g} s is no sample of the trajectory", "Choose a time of its grid."
             )
+        if table.time and table.observable in (*ACCELERATIONS, *REACTIONS):
+            integrating = [c.name for c in mechanism.controls if c.integral]
+            if integrating:
+                what = f"{table.observable} at {table.time:g} s depends on the integral of control '{integrating[0]}'"
+                raise InvalidInput(f"{where}.observable", what, "Expect positions or velocities, or give the time 0.")
         for k, value in table.components().items():
             stated = table.model_dump(include={"observable", "time", "uncertainty", "source", "origin", "second"})
             yield Published(of=of, component=k, value=value, **stated)
@@ -207,6 +212,13 @@ def _mechanism(name: str, table: CaseTable) -> Mechanism:
     )
 
 
+def _rod_axis(at: Sequence[float], to: Sequence[float], where: str) -> list[float]:
+    axis = [b - a for a, b in zip(at, to, strict=True)]
+    if not any(axis):
+        raise InvalidInput(f"{where}: to", "the ends of the rod coincide", "Draw the two ends of the rod apart.")
+    return axis
+
+
 def _joint_axes(j: JointTable) -> Array:
     """Axes of F and M in the world of the drawing."""
     where = f"joint '{j.name}'"
@@ -216,7 +228,7 @@ def _joint_axes(j: JointTable) -> Array:
             raise InvalidInput(f"{where}: to", "the field is missing", "Give the other end of the rod in the drawing.")
         if j.axis is not None:
             raise InvalidInput(f"{where}: axis", "a rod has none", "Remove it: z of F is along the rod as drawn.")
-        axis = [b - a for a, b in zip(j.at, j.to, strict=True)]
+        axis = _rod_axis(j.at, j.to, where)
     elif j.to is not None:
         raise InvalidInput(f"{where}: to", f"a {j.kind} joint has none", "Remove it: only a rod has a second end.")
     if axis is None:

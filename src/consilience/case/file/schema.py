@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from consilience.case.file.values import Finite, FunctionTable, Name, Orientation, Positive, TableModel, Text, Triple
-from consilience.case.published import BODY_AT_START, JOINT_AT_START, OF_A_BODY, OF_A_JOINT, Origin
+from consilience.case.published import ACCELERATIONS, OF_A_BODY, OF_A_JOINT, REACTIONS, Origin
 from consilience.mechanism import JOINT_KINDS, Array
 
 _MANY = Field(max_length=2_000)
@@ -273,12 +273,12 @@ class Components(TableModel):
 class PublishedTable(TableModel):
     """Expected values at one time, with their own uncertainty: of a body a vector, of a joint a coordinate or rate.
 
-    Accelerations and reactions are those of the initial state: time 0.
+    Reactions at times after the start are those of least norm where equilibrium leaves them open.
     """
 
     body: Name | None = None
     joint: Name | None = None
-    observable: Literal[(*OF_A_BODY, *BODY_AT_START, *OF_A_JOINT, *JOINT_AT_START)]  # type: ignore[valid-type]
+    observable: Literal[(*OF_A_BODY, *ACCELERATIONS, *OF_A_JOINT, *REACTIONS)]  # type: ignore[valid-type]
     time: Annotated[Finite, Field(ge=0)] = Field(description="s; on the sample grid.")
     value: Finite | Triple | Components = Field(description="SI units; vectors in world axes, reactions in those of F.")
     uncertainty: Positive = Field(description="Of each component.")
@@ -288,7 +288,7 @@ class PublishedTable(TableModel):
 
     @model_validator(mode="after")
     def _fits(self) -> PublishedTable:
-        owner = "joint" if self.observable in OF_A_JOINT or self.observable in JOINT_AT_START else "body"
+        owner = "joint" if self.observable in OF_A_JOINT or self.observable in REACTIONS else "body"
         other = {"joint": "body", "body": "joint"}[owner]
         if getattr(self, owner) is None or getattr(self, other) is not None:
             raise ValueError(f"{self.observable} is an observable of a {owner}; name the {owner} and no {other}")
@@ -297,8 +297,6 @@ class PublishedTable(TableModel):
             raise ValueError(f"{self.observable} has another shape; give {right}")
         if not self.components():
             raise ValueError("the value has no component; give x, y or z")
-        if self.observable in (*BODY_AT_START, *JOINT_AT_START) and self.time != 0.0:
-            raise ValueError(f"{self.observable} is compared at the initial state; give the time 0")
         if (self.origin == "computed") != bool(self.second):
             raise ValueError("a computed value has a second, independent computation, and no other has one")
         return self

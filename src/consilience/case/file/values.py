@@ -60,6 +60,16 @@ class Orientation(TableModel):
         None, description="Points O, P, Q in the world: origin, a point on x, a point in the xy plane."
     )
 
+    @model_validator(mode="before")
+    @classmethod
+    def _no_list(cls, given: object) -> object:
+        if isinstance(given, list):
+            raise ValueError(
+                "a list is no orientation; give a table, { quaternion = [1.0, 0.0, 0.0, 0.0] }, "
+                "or under rates an angular_velocity"
+            )
+        return given
+
     @model_validator(mode="after")
     def _exactly_one(self) -> Orientation:
         given = self._given()

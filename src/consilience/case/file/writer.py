@@ -15,7 +15,7 @@ import numpy as np
 
 from consilience.case.case import Case
 from consilience.case.file.values import TomlTable
-from consilience.case.published import JOINT_AT_START, OF_A_JOINT
+from consilience.case.published import OF_A_JOINT, REACTIONS
 from consilience.errors import InvalidInput
 from consilience.mechanism import (
     GROUND,
@@ -246,7 +246,7 @@ def _published(case: Case) -> list[TomlTable]:
     """Tables of expected values, components of one vector together."""
     vectors: dict[tuple[object, ...], TomlTable] = {}
     for known in case.published:
-        joint = known.observable in OF_A_JOINT or known.observable in JOINT_AT_START
+        joint = known.observable in OF_A_JOINT or known.observable in REACTIONS
         fields: TomlTable = {"joint" if joint else "body": known.of}
         fields |= {name: getattr(known, name) for name in ("observable", "time", "uncertainty", "origin", "source")}
         fields |= {"second": known.second} if known.second else {}

@@ -30,6 +30,8 @@ class Recognised:
         Origin (m), z and x of F and M in the drawing; `second` is None where x does not matter.
     coordinates : dict
         Coordinate and sign of each joint in the row that is a coordinate of the joint.
+    also : ndarray, shape (3,), optional
+        Axis whose direction a second joint keeps, `parallel_axes` beside the first.
     """
 
     kind: str
@@ -37,6 +39,7 @@ class Recognised:
     axis: Array
     second: Array | None
     coordinates: dict[str, tuple[str, float]]
+    also: Array | None = None
 
 
 def _parallel(a: Array, b: Array) -> bool:
@@ -99,6 +102,16 @@ def _planar(motions: Sequence[NativeJoint]) -> Recognised | None:
     return Recognised("planar", hinge.at, hinge.axis, None, {}) if across and _independent(slides) else None
 
 
+def _slides(motions: Sequence[NativeJoint]) -> Recognised | None:
+    """Two or three slides: no rotation, by a plane or a fixed direction, and another fixed direction."""
+    first, second = (m.axis for m in motions[:2])
+    if not _independent(motions):
+        return None
+    kind, axis = ("planar", np.cross(first, second)) if len(motions) == 2 else ("parallel_axes", second)
+    across = first - axis * (axis @ first) / (axis @ axis)
+    return Recognised(kind, motions[0].at, axis, first, {}, across)
+
+
 def _spherical(motions: Sequence[NativeJoint]) -> Recognised | None:
     at = _meeting_point(motions)
     return Recognised("spherical", at, motions[0].axis, None, {}) if at is not None and _independent(motions) else None
@@ -119,6 +132,8 @@ _RULES: dict[str, Callable[[Sequence[NativeJoint]], Recognised | None]] = {
     "PPR": _planar,
     "PRP": _planar,
     "RPP": _planar,
+    "PP": _slides,
+    "PPP": _slides,
     "RRR": _spherical,
     "PPPS": _free,
     "PPPRRR": _free,

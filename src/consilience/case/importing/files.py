@@ -43,18 +43,43 @@ class Imported:
 
 
 class _ModelTreeBuilder(TreeBuilder):
-    """Builder that refuses a file with a document type."""
+    """Builder that refuses a file with a document type.
+
+    Attributes
+    ----------
+    root : Element or None
+        The root, once its end was read.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.root: Element | None = None
+        self._depth = 0
+
+    def start(self, tag: str, attrs: dict[str, str]) -> Element:
+        """Begin an element."""
+        self._depth += 1
+        return super().start(tag, attrs)
+
+    def end(self, tag: str) -> Element:
+        """End an element."""
+        self._depth -= 1
+        element = super().end(tag)
+        if self._depth == 0:
+            self.root = element
+        return element
 
     def doctype(self, name: str, pubid: str | None, system: str | None) -> None:
         """Stop at the declaration, before any entity."""
         raise ParseError("it declares a document type: no model does, and its entities are not read")
 
 
-def _xml(path: Path) -> Element:
-    """Root element of a file of bounded size without declarations of entities.
+def _xml(path: Path, notes: Notes) -> Element:
+    """Root element of a file of bounded size without declarations of entities, read as leniently as engines read it.
 
     The parser of the standard library (expat) neither loads external entities nor lets internal entities grow without
-    bounds; models need neither, so a file with a document type is refused.
+    bounds; models need neither, so a file with a document type is refused. Space before the declaration, text behind
+    the root and the default namespace say nothing of the model.
     """
     try:
         data = path.read_bytes()
@@ -62,12 +87,21 @@ def _xml(path: Path) -> Element:
         raise InvalidInput(str(path), f"it cannot be read ({error.strerror})", "Give the path of a model.") from None
     if len(data) > _LARGEST:
         raise InvalidInput(str(path), f"it has {len(data)} bytes", f"Give a model of at most {_LARGEST}.")
-    parser = XMLParser(target=_ModelTreeBuilder())
+    builder = _ModelTreeBuilder()
+    parser = XMLParser(target=builder)
     try:
-        parser.feed(data)
-        root: Element = parser.close()
+        parser.feed(data.lstrip())
+        parser.close()
     except ParseError as error:
-        raise InvalidInput(str(path), f"it is no XML that can be read: {error}", "Give a URDF or MJCF file.") from None
+        if builder.root is None:
+            what = f"it is no XML that can be read: {error}"
+            raise InvalidInput(str(path), what, "Give a URDF or MJCF file.") from None
+        notes.add("text behind the last element, not read", path.name)
+    root = builder.root
+    assert root is not None
+    namespace = root.tag[: root.tag.find("}") + 1]
+    for element in root.iter():
+        element.tag = element.tag.removeprefix(namespace)
     return root
 
 
@@ -98,7 +132,8 @@ def import_model(path: Path, free_base: bool = False) -> Imported:
     InvalidInput
         The file cannot be read, or has parts that no case can express, all in one message.
     """
-    root, known, notes = _xml(path), readers(), Notes()
+    notes = Notes()
+    root, known = _xml(path, notes), readers()
     if root.tag not in known:
         tags = ", ".join(f"<{tag}>" for tag in known)
         more = [pip_requirement(p) for p in installed().values() if lacks_engine(p) and adapter_file(p, "reading.py")]

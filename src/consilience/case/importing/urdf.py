@@ -83,12 +83,16 @@ class _UrdfReader:
         element : Element or None
             None: the default applies.
         attribute, default : str
+            Without a default the attribute is required.
         count : int
             Number of numbers.
         what : str
             Name of the joint or link, for the note.
         """
         given = default if element is None else element.get(attribute, default)
+        if not given:
+            self.notes.refuse(f"'{attribute}' is missing", what)
+            return np.zeros(count)
         try:
             values = np.array([float(word) for word in given.split()])
         except ValueError:
@@ -228,6 +232,8 @@ def read_urdf(robot: Element, path: Path, free_base: bool, notes: Notes) -> Part
     laws = [law for e in robot.findall("joint") for law in reader.mimic(e)]
     _check_drivers(laws, joints, notes)
     order = _in_order(links, joints, notes)
+    if not any(link.find("inertial") is not None for link in links.values()):
+        notes.refuse("no link of this file has an <inertial>", "robot")
     notes.check(path.name)
     onto = {joint.child: joint for joint in joints}
     frames: dict[str, Frame] = {}

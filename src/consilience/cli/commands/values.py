@@ -11,66 +11,66 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from consilience.case import Case, Published, read_motion, read_start
+from consilience.case import Case
 from consilience.cli.options import CaseNames, Form, OutputFormat, chosen_cases
-from consilience.compare import markdown_table
-from consilience.engine import Question, load_engine
+from consilience.compare import markdown_table, spread_over_time
+from consilience.compare.instant import Instants
+from consilience.compare.published import Measured, measure_motion, measure_start
+from consilience.engine import Engine, Question, TrajectoryAnswer, load_engine
+from consilience.errors import NumericalFailure
 from consilience.report.statement import WRITERS, Statement
-
-TOLERANCE = 1e-13
-"""Tolerance of the motions of the reference."""
 
 HEADING = """# Expected values
 
-Every expected value of the shipped cases, and the value of the reference at a tolerance of 1e-13, by
+Every expected value of the shipped cases, and the value of the reference at its finest tolerance, by
 `consilience values`. Origins: [cases.md](cases.md). SI units; off is the difference, of angles modulo full turns.
+A value is missed where the difference exceeds both uncertainties together, as in `consilience run`.
 
 """
 
 
 @dataclass(frozen=True)
 class ComparedValue:
-    """An expected value and the value of the reference.
-
-    Attributes
-    ----------
-    known : Published
-        Expected value.
-    value : float
-        Value of the reference.
-    off : float
-        Difference, of angles modulo full turns.
-    """
+    """An expected value of a case and the value of the reference, judged as in a run."""
 
     case: str
-    known: Published
-    value: float
-    off: float
+    measured: Measured
 
     @property
     def met(self) -> bool:
-        """Whether the difference is within the uncertainty of the expected value plus 1e-9 relative."""
-        return self.off <= self.known.uncertainty + 1e-9 * max(1.0, abs(self.known.value))
+        """Whether the difference is within both uncertainties."""
+        return self.measured.quantity.met
 
 
 def found_values(case: Case) -> Iterator[ComparedValue]:
-    """Compute every expected value of a case by the reference at its finest tolerance."""
+    """Compute every expected value of a case by the motions and the answer of the reference that a run asks for."""
     engine, mechanism = load_engine("reference"), case.mechanism
-    start = [known for known in case.published if known.at_start]
-    moving = [known for known in case.published if not known.at_start]
-    if start:
-        method = engine.methods(mechanism, Question.INSTANT)[0]
-        answer = engine.instant(mechanism, [case.initial_state], method)
-        for known in start:
-            value = float(read_start(mechanism, known, answer)[known.component])
-            yield ComparedValue(case.name, known, value, known.off(value))
-    if moving:
-        method = engine.methods(mechanism, Question.TRAJECTORY)[0]
-        last = round(max(known.time for known in moving) / case.sample)
-        motion = engine.trajectory(mechanism, case.initial_state, case.times[: last + 1], method, TOLERANCE)
-        for known in moving:
-            value = read_motion(mechanism, known, motion)
-            yield ComparedValue(case.name, known, value, known.off(value))
+    found: list[Measured] = []
+    if any(known.at_start for known in case.published):
+        start = [case.initial_state]
+        answer = engine.instant(mechanism, start, engine.methods(mechanism, Question.INSTANT)[0])
+        found += measure_start(mechanism, case.published, answer, Instants.of(mechanism, start))
+    if any(not known.at_start for known in case.published):
+        motions = _motions(case, engine)
+        found += measure_motion(mechanism, case.published, motions, spread_over_time(mechanism, motions))
+    place = {id(known): n for n, known in enumerate(case.published)}
+    yield from (ComparedValue(case.name, one) for one in sorted(found, key=lambda one: place[id(one.known)]))
+
+
+def _motions(case: Case, engine: Engine) -> list[TrajectoryAnswer]:
+    """Motions of the reference: the best, then those that bound its uncertainty, as far as they succeed."""
+    best, *others = engine.methods(case.mechanism, Question.TRAJECTORY)
+    finest = len(best.tolerances) - 1
+    asked = [(best, best.tolerances[k]) for k in (finest, *range(1, finest))]
+    asked += [(method, tolerance) for method in others for tolerance in method.tolerances]
+    motions = []
+    for method, tolerance in asked:
+        try:
+            motions.append(engine.trajectory(case.mechanism, case.initial_state, case.times, method, tolerance))
+        except NumericalFailure:
+            if not motions:
+                raise
+    return motions
 
 
 HEADS = ("case", "value", "expected", "uncertainty", "ours", "off", "origin")
@@ -79,15 +79,15 @@ HEADS = ("case", "value", "expected", "uncertainty", "ours", "off", "origin")
 def rows(found: Sequence[ComparedValue]) -> Iterator[tuple[str, ...]]:
     """List the rows of the table, with a cell for each of `HEADS`."""
     for one in found:
-        known = one.known
+        known, measured = one.measured.known, one.measured
         digits = max(3, min(15, 1 + round(np.log10(max(abs(known.value), known.uncertainty) / known.uncertainty))))
         yield (
             one.case,
             known.name,
             f"{known.value:.{digits}g}",
             f"{known.uncertainty:.1g}",
-            f"{one.value:.{min(15, digits + 1)}g}",
-            f"{one.off:.1e}" + ("" if one.met else " **missed**"),
+            f"{measured.value:.{min(15, digits + 1)}g}",
+            f"{measured.off:.1e}" + ("" if one.met else " **missed**"),
             f"{known.origin}: {known.source}" + (f"; {known.second}" if known.second else ""),
         )
 
@@ -100,14 +100,15 @@ def table(found: Sequence[ComparedValue]) -> str:
 
 def _plain(one: ComparedValue) -> dict[str, str | float | bool]:
     """Return a value as data for JSON."""
-    known = one.known
+    known = one.measured.known
     return {
         "case": one.case,
         "value": known.name,
         "expected": known.value,
         "uncertainty": known.uncertainty,
-        "ours": one.value,
-        "off": one.off,
+        "ours": one.measured.value,
+        "off": one.measured.off,
+        "bar": one.measured.bar,
         "met": one.met,
         "origin": str(known.origin),
         "source": known.source,

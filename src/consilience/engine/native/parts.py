@@ -71,7 +71,7 @@ class Piece:
 
 @dataclass(frozen=True)
 class CoordinateLaw:
-    """A joint coordinate as a polynomial of another joint coordinate: ``q = sum c_k q_driver^k``."""
+    """A joint coordinate as a polynomial of a driver's, ``q = sum c_k q_driver^k``, or a constant without a driver."""
 
     name: str
     motion: str
