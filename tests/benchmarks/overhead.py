@@ -22,7 +22,7 @@ from tables import Table
 from consilience.case import Case, load_case, load_cases, shipped_cases
 from consilience.engine import installed
 from consilience.engine.worker.client import Reply, Request, Worker
-from consilience.suite import run_suite
+from consilience.suite import Resources, run_suite
 from consilience.suite.suite import REFERENCE
 
 SHORT = ("double_pendulum", "four_bar")
@@ -90,7 +90,7 @@ def measured(cases: Sequence[Case]) -> Table:
     start = _started([REFERENCE, *(name for name in names if name != REFERENCE)])
     began, before = time.perf_counter(), _cpu(*both)
     with _asked() as asked:
-        results = run_suite(cases, names, jobs=1, limit=600.0)
+        results = run_suite(cases, names, resources=Resources(1, 600.0))
     wall, cpu = time.perf_counter() - began, _cpu(*both) - before
     own: dict[str, float] = defaultdict(float)
     for one in results.runs:

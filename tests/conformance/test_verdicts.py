@@ -7,7 +7,7 @@ import pytest
 from consilience.case import load_case
 from consilience.compare import Verdict
 from consilience.engine import Profile, Question
-from consilience.suite import run_suite
+from consilience.suite import Resources, run_suite
 
 AGREES, STEPS, SOFT = Verdict.AGREES, Verdict.DISCRETISATION, Verdict.REGULARISATION
 
@@ -29,7 +29,7 @@ EXPECTED = {
 @pytest.fixture(scope="module")
 def comparisons():
     case = replace(load_case("four_bar"), duration=1.0, instants=3)
-    results = run_suite([case], ["mujoco", "dart", "exudyn"], limit=400.0)
+    results = run_suite([case], ["mujoco", "dart", "exudyn"], resources=Resources(limit=400.0))
     assert not results.missing
     return {(c.engine, c.question, c.method): c for c in results.comparisons}
 

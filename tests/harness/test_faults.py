@@ -9,7 +9,7 @@ from consilience.case import Case
 from consilience.compare import Verdict
 from consilience.engine import Question, Status, installed
 from consilience.mechanism import Initial
-from consilience.suite import EngineFailure, run_suite, simulate_case
+from consilience.suite import EngineFailure, Resources, run_suite, simulate_case
 from harness.processes import MARK, marked
 from mechanisms import chain
 from pace import slowness
@@ -87,7 +87,7 @@ def results(cases):
     names = ["honest", *FAULTS, "liar", *MISSING, "selective", "cannot_plan", "chatters"]
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(MARK, "faults")
-        found = run_suite(cases, names, jobs=3, limit=600.0, memory=MEMORY)  # the first job compiles kernels
+        found = run_suite(cases, names, resources=Resources(3, 600.0, MEMORY))  # the first job compiles kernels
     assert not marked("faults")
     return found
 
@@ -204,7 +204,7 @@ def test_an_engine_prints_nothing_into_the_terminal_of_the_caller(cases, capfd):
 def test_a_hang_is_stopped_at_the_limit_and_the_next_question_answered(cases):
     """The engine ignores SIGTERM; the limit allows for a slow start and is short enough to wait for."""
     limit = 6.0 * slowness()
-    results = run_suite(cases[:1], ["hangs"], [Question.INSTANT, Question.TRAJECTORY], limit=limit)
+    results = run_suite(cases[:1], ["hangs"], [Question.INSTANT, Question.TRAJECTORY], Resources(limit=limit))
     found = verdict(results, "hangs", "first", INSTANT)
     assert found.verdict is Verdict.FAILED
     assert found.why == f"no answer within {limit:g} s; the worker was stopped"

@@ -10,7 +10,7 @@ import pytest
 from consilience.case import load_case
 from consilience.compare import Verdict
 from consilience.engine import Question
-from consilience.suite import run_suite
+from consilience.suite import Resources, run_suite
 
 CASES = ("double_pendulum", "slider_crank")
 
@@ -37,9 +37,8 @@ WRONG_EQUATIONS = [name for name, (question, _) in CAUGHT.items() if question is
 @pytest.fixture(scope="module")
 def comparisons(answers_kept):
     cases = [replace(load_case(name), instants=3) for name in CASES]
-    results = run_suite(
-        cases, ["honest", *CAUGHT], [Question.MODEL, Question.INSTANT], jobs=3, limit=400.0
-    )  # the first job compiles kernels
+    questions = [Question.MODEL, Question.INSTANT]
+    results = run_suite(cases, ["honest", *CAUGHT], questions, Resources(3, 400.0))  # the first job compiles kernels
     assert not results.missing
     return {(c.engine, c.case, c.question): c for c in results.comparisons if c.method == "descriptor"}
 

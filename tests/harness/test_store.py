@@ -16,7 +16,7 @@ from consilience.engine import EngineInfo, Method, Question, Route, Run, Status
 from consilience.engine.worker.client import Request
 from consilience.engine.worker.server import replay
 from consilience.mechanism import Initial, Mechanism
-from consilience.suite import Store, run_suite
+from consilience.suite import Resources, Store, run_suite
 from consilience.suite.engine_runs import EngineCase
 from consilience.suite.store import FILE, StoredAnswer, StoreError
 from mechanisms import chain, states_of
@@ -77,7 +77,7 @@ def test_a_run_that_is_interrupted_goes_on_where_it_was(cases, tmp_path, perform
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run_suite(cases, ["honest"], jobs=1, progress=interrupt, store=Store(tmp_path / "cut"))
+        run_suite(cases, ["honest"], resources=Resources(jobs=1), progress=interrupt, store=Store(tmp_path / "cut"))
     before, answered = len(performed), [job[-1] for job in performed].count(Status.ANSWERED)
     assert 0 < answered < expected
     resumed = run_suite(cases, ["honest"], store=Store(tmp_path / "cut"))

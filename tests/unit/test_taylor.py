@@ -8,7 +8,7 @@ from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import constraint_jacobian, constraint_rates, constraint_residual
 from consilience.reference import simulate
 from consilience.reference.bodies.canonical import canonical_motion
-from consilience.reference.steppers.driver import Request, counts_of, run
+from consilience.reference.steppers.driver import MotionRequest, counts_of, run
 from consilience.reference.tree.records import LARGEST_ORDER
 from consilience.reference.tree.solver import _prepare
 from consilience.reference.tree.state import pack_state
@@ -32,7 +32,7 @@ def one_step(mechanism, state, h, order):
     z = pack_state(prepared.links, prepared.packing, state)
     motion, tolerance = np.empty((2, *working.system.tree.y.shape)), np.exp((1.9 - order) / 0.7)
     assert order_for(tolerance) == order
-    assert not run(working.integration, Request(z, np.array([0.0, h]), tolerance, np.inf), motion, False)
+    assert not run(working.integration, MotionRequest(z, np.array([0.0, h]), tolerance, np.inf), motion, False)
     assert counts_of(working.integration)["steps"] == 1
     _, _, v, w = canonical_motion(prepared.links.com, motion)
     return np.hstack([v[-1], w[-1]])

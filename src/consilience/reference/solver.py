@@ -23,7 +23,7 @@ from consilience.reference.formulations import compiled_choice, registry
 from consilience.reference.formulations.body_velocities import AppliedForces, KernelFormulation, kernel_names
 from consilience.reference.formulations.compiled_motion import body_integration
 from consilience.reference.integrators.step_control import STATUS
-from consilience.reference.steppers.driver import Request, counts_of, run
+from consilience.reference.steppers.driver import MotionRequest, counts_of, run
 from consilience.reference.tree.solver import INTEGRATORS, simulate_relative
 
 
@@ -116,7 +116,7 @@ def _compiled(mechanism: Mechanism, state: State, times: Array, tolerance: float
     ws, y = workspace(model), pack(mechanism, state)
     integration = body_integration(formulation, model, ws, len(mechanism.bodies), len(y))
     motion = np.empty((len(times), *y.shape))
-    status = run(integration, Request(y.ravel(), times, float(tolerance), np.inf), motion, False)
+    status = run(integration, MotionRequest(y.ravel(), times, float(tolerance), np.inf), motion, False)
     if status:
         raise NumericalFailure(f"reference, {formulation}, tolerance {tolerance:g}: {STATUS[status]}")
     p, quat, v, w = canonical_motion(np.array([b.com for b in mechanism.bodies]), motion)

@@ -2,12 +2,13 @@
 
 from consilience.suite.engine_runs import FULL, QUICK, Thoroughness, ask_case, ask_ladder, open_plan
 from consilience.suite.store import Store
-from consilience.suite.suite import EngineFailure, Results, run_suite, simulate_case
+from consilience.suite.suite import EngineFailure, Resources, Results, run_suite, simulate_case
 
 __all__ = [
     "FULL",
     "QUICK",
     "EngineFailure",
+    "Resources",
     "Results",
     "Store",
     "Thoroughness",

@@ -16,7 +16,7 @@ from contextlib import closing, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from queue import SimpleQueue
 from threading import Condition, Lock
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from consilience.case import Case
 from consilience.compare import Comparison, ReferenceMotion
@@ -181,17 +181,38 @@ def _refuse_single(**given: tuple[object, type]) -> None:
             require(one, kind, what, remedy)
 
 
+class Resources(NamedTuple):
+    """What the engines of a suite may use.
+
+    Attributes
+    ----------
+    jobs : int
+        Number of engines that work at the same time.
+    limit : float, s
+        Time limit of one job.
+    memory : int, bytes
+        Limit of the resident memory of an engine.
+    cluster : Cluster, optional
+        Cluster on which the engines run, as many at the same time as it has threads.
+    """
+
+    jobs: int = 2
+    limit: float = 180.0
+    memory: int = MEMORY
+    cluster: Cluster | None = None
+
+
+RESOURCES = Resources()
+
+
 def run_suite(
     cases: Sequence[Case],
     engines: Sequence[str],
     questions: Sequence[Question] = tuple(Question),
-    jobs: int = 2,
-    limit: float = 180.0,
+    resources: Resources = RESOURCES,
     progress: Progress | None = None,
     thoroughness: Thoroughness = FULL,
     store: Store | None = None,
-    memory: int = MEMORY,
-    cluster: Cluster | None = None,
 ) -> Results:
     """Ask all engines all questions about all cases, and compare the answers with the reference.
 
@@ -201,19 +222,13 @@ def run_suite(
     engines : sequence of str
         Names of installed engines; the reference is always asked.
     questions : sequence of Question
-    jobs : int
-        Number of engines that work at the same time.
-    limit : float, s
-        Time limit of one job.
+    resources : Resources
     progress : callable, optional
     thoroughness : Thoroughness
     store : Store, optional
         Store of answers, which are not asked for again.
-    memory : int, bytes
-        Limit of the resident memory of an engine.
-    cluster : Cluster, optional
-        Cluster on which the engines run, as many at the same time as it has threads.
     """
+    limit, memory, cluster = resources.limit, resources.memory, resources.cluster
     _refuse_single(cases=(cases, Case), engines=(engines, str), questions=(questions, Question))
     cases = [thoroughness.case(case) for case in cases]
     names = [REFERENCE, *(name for name in engines if name != REFERENCE)]
@@ -224,7 +239,7 @@ def run_suite(
     found: dict[tuple[str, int], list[Run]] = {}
     judged: dict[int, list[Comparison]] = {}
     together = 1 if cluster is None else len(cases)
-    jobs = min(jobs, len(names)) if cluster is None else min(cluster.tasks, len(names) * len(cases))
+    jobs = min(resources.jobs, len(names)) if cluster is None else min(cluster.tasks, len(names) * len(cases))
     cold = jobs > 1 and cluster is None and any(q.over_time for q in questions) and not compiled()
     with (
         compiled_beside(cases, limit, memory) if cold else nullcontext(),

@@ -34,7 +34,7 @@ from consilience.engine.worker.environments import cache_directory
 from consilience.reference.kernel.cache import kernels_folder
 from consilience.report.record import exit_code
 from consilience.report.statement import WRITERS, Statement
-from consilience.suite import Results, run_suite
+from consilience.suite import Resources, Results, run_suite
 
 GIBI = 2**30
 
@@ -228,7 +228,8 @@ def doctor(engine: EngineNames = None, limit: JobLimit = 600.0, form: Form = Out
     """
     names = chosen_engines(engine)
     with err.status("starting engines; the reference compiles for a minute or two, the first time"):
-        results = run_suite([load_case("double_pendulum")], names, [Question.MODEL, Question.INSTANT], limit=limit)
+        questions = Question.MODEL, Question.INSTANT
+        results = run_suite([load_case("double_pendulum")], names, questions, Resources(limit=limit))
     found = [*(check() for check in CHECKS), *(of_engine(name, results) for name in names)]
     count = Counter(one.state for one in found)
     sentence = f"{count['ill']} ill, {count['note']} to note, {count['well']} well."

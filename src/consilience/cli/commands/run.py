@@ -53,7 +53,7 @@ def run(
     from consilience.cli.terminal import err, log_to_stderr, progress_per_engine
     from consilience.report.pages import write_pages
     from consilience.report.record import exit_code, write_record
-    from consilience.suite import FULL, QUICK, Store, run_suite
+    from consilience.suite import FULL, QUICK, Resources, Store, run_suite
 
     folder = require_folder(output, "report")
     chosen = tagged_cases(chosen_cases(cases), tag)
@@ -69,13 +69,10 @@ def run(
                 chosen,
                 engines,
                 questions,
-                jobs=jobs,
-                limit=limit,
+                Resources(jobs, limit, int(memory * 2**30), cluster),
                 progress=progress,
                 thoroughness=QUICK if quick else FULL,
                 store=store,
-                memory=int(memory * 2**30),
-                cluster=cluster,
             )
     except KeyboardInterrupt:
         err.print(f"stopped; answers so far are in {folder}: the same command goes on from there", markup=False)

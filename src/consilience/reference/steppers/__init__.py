@@ -8,6 +8,6 @@ radau13     Radau IIA of seven stages, for stiff motions
 gauss       collocation at Gauss points, independent of the others
 ==========  ======================================================================================
 
-A stepper is a module with a `driver.Stepper`: work arrays and four kernels. No kernel of a stepper names a kernel of a
-mechanism, nor the other way round: they call each other by address (`kernel.operation`).
+A stepper is a module with a `driver.CompiledStepper`: work arrays and a kernel with four requests. Kernels of steppers
+and of mechanisms do not name each other: they call each other by address (`kernel.operation`).
 """

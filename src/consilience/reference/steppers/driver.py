@@ -27,7 +27,7 @@ from consilience.reference.steppers.motion import (
     PREPARE,
     SAMPLE,
     Kernel,
-    Motion,
+    MotionArrays,
     ask,
     new_motion,
     step_length,
@@ -37,7 +37,7 @@ _COUNTERS = ("steps", "rejected", "evaluations")
 """Fields of a run that answers report."""
 
 
-class Stepper(NamedTuple):
+class CompiledStepper(NamedTuple):
     """A compiled integrator: a row in a table of integrators."""
 
     arrays: Callable[..., Any]  # (motion, ...) to the record of the kernel, a named tuple
@@ -48,7 +48,7 @@ class Stepper(NamedTuple):
 class _Drive(NamedTuple):
     """Arguments of the driver."""
 
-    motion: Motion
+    motion: MotionArrays
     stepper: Kernel
     lands: bool
 
@@ -56,19 +56,19 @@ class _Drive(NamedTuple):
 class Integration(NamedTuple):
     """Arrays of one motion by one stepper; not to be used by two threads at once."""
 
-    motion: Motion
+    motion: MotionArrays
     held: tuple[Any, ...]  # records that kernels read by their addresses
     drive: Any  # record array of the arguments of the driver
 
 
 def new_integration(
-    stepper: Stepper, kind: Array, length: float, mechanism: tuple[Operation, Any], *given: Any
+    stepper: CompiledStepper, kind: Array, length: float, mechanism: tuple[Operation, Any], *given: Any
 ) -> Integration:
     """Return the arrays of a motion.
 
     Parameters
     ----------
-    stepper : Stepper
+    stepper : CompiledStepper
     kind : ndarray of int, shape (n_z,)
         DISTANCE to INTEGRAL.
     length : float, m
@@ -85,7 +85,7 @@ def new_integration(
     return Integration(motion, (record, own), record_array(drive))
 
 
-class Request(NamedTuple):
+class MotionRequest(NamedTuple):
     """What is asked of an integration."""
 
     z: Array  # initial state
@@ -94,13 +94,13 @@ class Request(NamedTuple):
     longest: float  # bound on the steps, s
 
 
-def run(integration: Integration, request: Request, samples: Array, stop_if_stiff: bool) -> int:
+def run(integration: Integration, request: MotionRequest, samples: Array, stop_if_stiff: bool) -> int:
     """Integrate from the first to the last of the sample times.
 
     Parameters
     ----------
     integration : Integration
-    request : Request
+    request : MotionRequest
     samples : ndarray, shape (n_t, ...)
         Overwritten: one row for each time, as the kernels of the mechanism record a sample.
     stop_if_stiff : bool

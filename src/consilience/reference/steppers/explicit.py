@@ -28,12 +28,12 @@ from consilience.reference.kernel.compiled import inlined, inner, kernel
 from consilience.reference.kernel.operation import Operation
 from consilience.reference.kernel.record_type import INT, record_type
 from consilience.reference.kernel.vectors import assign
-from consilience.reference.steppers.driver import Stepper
+from consilience.reference.steppers.driver import CompiledStepper
 from consilience.reference.steppers.motion import (
     ATTEMPT,
     INTERPOLATE,
     PREPARE,
-    Motion,
+    MotionArrays,
     component_sizes,
     derivative,
     first_step_length,
@@ -87,7 +87,7 @@ table may be undefined.
 class ExplicitArrays(NamedTuple):
     """Record of the kernels of an explicit pair."""
 
-    motion: Motion
+    motion: MotionArrays
     pair: RungeKuttaPair
     K: Array  # (s, n_z) derivatives at the stages
     F: Array  # (7, n_z) dense output
@@ -95,7 +95,7 @@ class ExplicitArrays(NamedTuple):
     stiffness: Array  # (1,) of _STIFFNESS
 
 
-def explicit_arrays(pair: RungeKuttaPair, motion: Motion) -> ExplicitArrays:
+def explicit_arrays(pair: RungeKuttaPair, motion: MotionArrays) -> ExplicitArrays:
     """Return the record of a pair for a motion."""
     n = len(motion.z)
     K, F = np.zeros((len(pair.nodes), n)), np.empty((3 + len(pair.dense), n))
@@ -250,5 +250,5 @@ def step(arrays: ExplicitArrays, request: int, t: float, z: Array, out: Array) -
 
 
 PAIRS = {"tp86": TP86, "dop853": DOP853}
-STEPPERS = {name: Stepper(partial(explicit_arrays, pair), step) for name, pair in PAIRS.items()}
+STEPPERS = {name: CompiledStepper(partial(explicit_arrays, pair), step) for name, pair in PAIRS.items()}
 """Explicit pairs by name, and their steppers."""

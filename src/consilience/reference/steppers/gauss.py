@@ -20,8 +20,8 @@ from consilience.mechanism import Array
 from consilience.reference.kernel.compiled import inlined, inner
 from consilience.reference.kernel.operation import Operation
 from consilience.reference.kernel.vectors import assign
-from consilience.reference.steppers.driver import Stepper
-from consilience.reference.steppers.motion import PREPARE, Motion, component_sizes, derivative
+from consilience.reference.steppers.driver import CompiledStepper
+from consilience.reference.steppers.motion import PREPARE, MotionArrays, component_sizes, derivative
 
 STAGES = 8
 MOST_ITERATIONS = 14
@@ -36,13 +36,13 @@ FIRST_STEP = 1e-3
 class GaussArrays(NamedTuple):
     """Record of the kernels of Gauss collocation."""
 
-    motion: Motion
+    motion: MotionArrays
     K: Array  # (8, n_z) stages of the last step
     guess: Array  # (8, n_z) stages of the next step
     found: Array  # (n_z,) derivative of a stage
 
 
-def gauss_arrays(motion: Motion) -> GaussArrays:
+def gauss_arrays(motion: MotionArrays) -> GaussArrays:
     """Return the record for a motion."""
     K, guess = np.zeros((2, STAGES, len(motion.z)))
     return GaussArrays(motion, K, guess, np.empty(len(motion.z)))
@@ -165,5 +165,5 @@ def step(arrays: GaussArrays, request: int, t: float, z: Array, out: Array) -> f
     return _attempt(arrays, t, z, out)
 
 
-STEPPERS = {"gauss": Stepper(gauss_arrays, step, lands=True)}
+STEPPERS = {"gauss": CompiledStepper(gauss_arrays, step, lands=True)}
 """The method by its name."""

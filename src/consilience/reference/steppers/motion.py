@@ -68,7 +68,7 @@ def ask(kernel: Kernel, request: int, t: float, z: Array, out: Array) -> float:
     return call(kernel.function, kernel.record, request, t, z, out)
 
 
-class Motion(NamedTuple):
+class MotionArrays(NamedTuple):
     """Arrays of a motion that the driver and a stepper share."""
 
     run: Array  # (1,) of RUN
@@ -81,14 +81,14 @@ class Motion(NamedTuple):
     mechanism: Kernel
 
 
-def new_motion(kind: Array, length: float, mechanism: Kernel) -> Motion:
+def new_motion(kind: Array, length: float, mechanism: Kernel) -> MotionArrays:
     """Return the arrays of a motion."""
     z, end, state = np.zeros((3, len(kind)))
-    return Motion(np.zeros(1, RUN), kind, float(length), z, end, state, np.empty(5), mechanism)
+    return MotionArrays(np.zeros(1, RUN), kind, float(length), z, end, state, np.empty(5), mechanism)
 
 
 @inlined
-def derivative(motion: Motion, t: float, z: Array, dz: Array) -> None:
+def derivative(motion: MotionArrays, t: float, z: Array, dz: Array) -> None:
     """Compute the state derivative at a state z."""
     motion.run[0].evaluations += 1
     ask(motion.mechanism, DERIVATIVE, t, z, dz)

@@ -30,14 +30,14 @@ from consilience.reference.integrators.step_control import LARGEST, SMALLEST, fa
 from consilience.reference.kernel.compiled import inlined, inner
 from consilience.reference.kernel.operation import Operation
 from consilience.reference.kernel.vectors import assign
-from consilience.reference.steppers.driver import Stepper
+from consilience.reference.steppers.driver import CompiledStepper
 from consilience.reference.steppers.explicit import dense_output
 from consilience.reference.steppers.gauss import lagrange_integrals
 from consilience.reference.steppers.motion import (
     ATTEMPT,
     EVALUATE,
     PREPARE,
-    Motion,
+    MotionArrays,
     component_sizes,
     derivative,
     first_step_length,
@@ -107,7 +107,7 @@ ESTIMATE = LAMBDA[0].real * ((_EMBEDDED - B) @ np.linalg.inv(A))
 class RadauArrays(NamedTuple):
     """Record of the kernels of Radau IIA."""
 
-    motion: Motion
+    motion: MotionArrays
     Z: Array  # (7, n_z) stages less the start of the step
     K: Array  # (7, n_z) derivatives at the stages
     J: Array  # (n_z, n_z) Jacobian
@@ -119,7 +119,7 @@ class RadauArrays(NamedTuple):
     F: Array  # (7, n_z) dense output
 
 
-def radau_arrays(motion: Motion) -> RadauArrays:
+def radau_arrays(motion: MotionArrays) -> RadauArrays:
     """Return the record for a motion."""
     n, systems = len(motion.z), len(LAMBDA)
     return RadauArrays(
@@ -328,5 +328,5 @@ def step(arrays: RadauArrays, request: int, t: float, z: Array, out: Array) -> f
     return 0.0
 
 
-STEPPERS = {"radau13": Stepper(radau_arrays, step)}
+STEPPERS = {"radau13": CompiledStepper(radau_arrays, step)}
 """The method by its name."""

@@ -15,7 +15,14 @@ from consilience.reference.bodies.canonical import canonical_motion
 from consilience.reference.integrators.step_control import STATUS, UNSUITABLE
 from consilience.reference.kernel.mechanism_record import record_array
 from consilience.reference.steppers import explicit, gauss, radau13
-from consilience.reference.steppers.driver import Integration, Request, Stepper, counts_of, new_integration, run
+from consilience.reference.steppers.driver import (
+    CompiledStepper,
+    Integration,
+    MotionRequest,
+    counts_of,
+    new_integration,
+    run,
+)
 from consilience.reference.tree import taylor
 from consilience.reference.tree.arrays import (
     TreeLinks,
@@ -107,7 +114,7 @@ def _prepare(mechanism: Mechanism, in_space: bool) -> _PreparedMechanism:
     )
 
 
-INTEGRATORS: dict[str, Stepper] = taylor.STEPPERS | explicit.STEPPERS | radau13.STEPPERS | gauss.STEPPERS
+INTEGRATORS: dict[str, CompiledStepper] = taylor.STEPPERS | explicit.STEPPERS | radau13.STEPPERS | gauss.STEPPERS
 """Compiled integrators of the relative form; ``taylor`` serves planar mechanisms without elements."""
 
 
@@ -137,7 +144,7 @@ def simulate_relative(
         why = "it is for mechanisms that move in parallel planes by gravity alone, without drives, couplings and rods"
         raise InvalidInput("integrator", f"taylor cannot follow {mechanism.name}: {why}", "Use tp86, or leave it out.")
     z = pack_state(prepared.links, prepared.packing, state)
-    request = Request(z, times, float(tolerance), prepared.longest)
+    request = MotionRequest(z, times, float(tolerance), prepared.longest)
     names = prepared.default_integrators if integrator is None else (integrator,)
     for name in names:
         status, motion, counters = _run(prepared, name, request, name != names[-1])
@@ -150,7 +157,7 @@ def simulate_relative(
 
 
 def _run(
-    prepared: _PreparedMechanism, name: str, request: Request, stop_if_stiff: bool
+    prepared: _PreparedMechanism, name: str, request: MotionRequest, stop_if_stiff: bool
 ) -> tuple[int, Array, dict[str, int | float]]:
     """Integrate; return status, bodies at the samples, and counters."""
     working = prepared.working(name)

@@ -20,8 +20,8 @@ from consilience.mechanism import Array
 from consilience.reference.integrators.step_control import UNSUITABLE
 from consilience.reference.kernel.compiled import fused, inlined, inner, kernel
 from consilience.reference.kernel.operation import Operation
-from consilience.reference.steppers.driver import Stepper
-from consilience.reference.steppers.motion import ATTEMPT, INTERPOLATE, PREPARE, Motion, component_sizes
+from consilience.reference.steppers.driver import CompiledStepper
+from consilience.reference.steppers.motion import ATTEMPT, INTERPOLATE, PREPARE, MotionArrays, component_sizes
 from consilience.reference.tree.arrays import LoopClosure, PlanarArrays, TreeArrays, TreeSystem
 from consilience.reference.tree.dynamics import factorise_rows
 from consilience.reference.tree.either import evaluate_rows, loop_acceleration_residual
@@ -60,7 +60,7 @@ LAST_TERM = 0.01
 class TaylorArrays(NamedTuple):
     """Record of the kernels of Taylor's method."""
 
-    motion: Motion
+    motion: MotionArrays
     tree: TreeArrays
     closure: LoopClosure | None
     planar: PlanarArrays
@@ -81,7 +81,7 @@ def has_series(arrays: TreeSystem, tree_alone: bool) -> bool:
     return tree_alone or knows_rows(planar.row_table)
 
 
-def taylor_arrays(motion: Motion, system: SystemRecord) -> TaylorArrays:
+def taylor_arrays(motion: MotionArrays, system: SystemRecord) -> TaylorArrays:
     """Return the record for a motion of a mechanism that has series."""
     tree, closure, _, _, planar, _ = system
     assert planar is not None
@@ -222,5 +222,5 @@ def step(arrays: TaylorArrays, request: int, t: float, z: Array, out: Array) -> 
     return 0.0
 
 
-STEPPERS = {"taylor": Stepper(taylor_arrays, step)}
+STEPPERS = {"taylor": CompiledStepper(taylor_arrays, step)}
 """The method by its name; for mechanisms that have series."""
