@@ -19,11 +19,11 @@ from consilience.mechanism import (
 )
 from consilience.reference.bodies.arrays import flatten, pack, workspace
 from consilience.reference.bodies.canonical import canonical_motion, sample_times
-from consilience.reference.formulations import compiled_choice, registry
+from consilience.reference.bodies.forces import count_turns
+from consilience.reference.formulations import compiled_choice, compiled_dop853, registry
 from consilience.reference.formulations.body_velocities import AppliedForces, KernelFormulation, kernel_names
-from consilience.reference.formulations.compiled_motion import body_integration
 from consilience.reference.integrators.step_control import STATUS
-from consilience.reference.steppers.driver import MotionRequest, counts_of, run
+from consilience.reference.steppers.driver import counts_of
 from consilience.reference.tree.solver import INTEGRATORS, simulate_relative
 
 
@@ -114,13 +114,14 @@ def _compiled(mechanism: Mechanism, state: State, times: Array, tolerance: float
     """
     model = flatten(mechanism)
     ws, y = workspace(model), pack(mechanism, state)
-    integration = body_integration(formulation, model, ws, len(mechanism.bodies), len(y))
-    motion = np.empty((len(times), *y.shape))
-    status = run(integration, MotionRequest(y.ravel(), times, float(tolerance), np.inf), motion, False)
+    motion, scratch = np.empty((len(times), *y.shape)), compiled_dop853.dop853_scratch(model, y)
+    count_turns(model, y, ws, scratch.turns)
+    number = compiled_choice.FORMULATIONS[formulation]
+    status = compiled_dop853.integrate(number, model, y, times, float(tolerance), ws, motion, scratch)
     if status:
         raise NumericalFailure(f"reference, {formulation}, tolerance {tolerance:g}: {STATUS[status]}")
     p, quat, v, w = canonical_motion(np.array([b.com for b in mechanism.bodies]), motion)
-    return TrajectoryAnswer(times, p, quat, v, w, counts_of(integration))
+    return TrajectoryAnswer(times, p, quat, v, w, counts_of(scratch.run))
 
 
 def accelerations(

@@ -122,10 +122,9 @@ def run(integration: Integration, request: MotionRequest, samples: Array, stop_i
     return int(integrate(integration.drive, request.times, request.longest, rows))
 
 
-def counts_of(integration: Integration) -> dict[str, int | float]:
-    """Return the numbers of accepted steps, rejected steps and evaluations of the last run."""
-    state = integration.motion.run[0]
-    return {name: int(state[name]) for name in _COUNTERS}
+def counts_of(run: Array) -> dict[str, int | float]:
+    """Return the numbers of accepted steps, rejected steps and evaluations of a run, shape (1,)."""
+    return {name: int(run[0][name]) for name in _COUNTERS}
 
 
 @inner

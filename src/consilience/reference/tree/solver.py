@@ -165,4 +165,4 @@ def _run(
     status = run(working.integration, request, motion, stop_if_stiff)
     if status in (0, UNSUITABLE):  # a failure may leave NaN in the arrays
         prepared.idle[name].append(working)
-    return status, motion, counts_of(working.integration)
+    return status, motion, counts_of(working.integration.motion.run)
