@@ -34,7 +34,7 @@ from consilience.reference.steppers.motion import (
 )
 
 _COUNTERS = ("steps", "rejected", "evaluations")
-"""Fields of a run that answers report."""
+"""Last fields of RUN, which answers report."""
 
 
 class CompiledStepper(NamedTuple):
@@ -111,20 +111,15 @@ def run(integration: Integration, request: MotionRequest, samples: Array, stop_i
     int
         Key of `step_control.STATUS`.
     """
-    motion = integration.motion
-    motion.z[:] = request.z
-    state = motion.run[0]
-    for name in _COUNTERS:
-        state[name] = 0
-    state.status, state.failure, state.h, state.before, state.most = 0, 1, 0.0, np.inf, np.inf
-    state.tolerance, state.stop_if_stiff = request.tolerance, stop_if_stiff
+    integration.motion.z[:] = request.z
     rows = samples.reshape(len(samples), -1)
-    return int(integrate(integration.drive, request.times, request.longest, rows))
+    return int(integrate(integration.drive, *request[1:], stop_if_stiff, rows))
 
 
 def counts_of(run: Array) -> dict[str, int | float]:
     """Return the numbers of accepted steps, rejected steps and evaluations of a run, shape (1,)."""
-    return {name: int(run[0][name]) for name in _COUNTERS}
+    (fields,) = run.tolist()
+    return dict(zip(_COUNTERS, fields[-len(_COUNTERS) :], strict=True))
 
 
 @inner
@@ -147,10 +142,12 @@ def _record_samples(drive: _Drive, times: Array, first: int, last: int, samples:
 
 
 @inner
-def _integrate(drive: _Drive, times: Array, longest: float, samples: Array) -> int:
+def _integrate(drive: _Drive, times: Array, tolerance: float, longest: float, stop: bool, samples: Array) -> int:
     """Integrate as `integrate`."""
     motion = drive.motion
     run, mechanism, z, end = motion.run[0], motion.mechanism, motion.z, motion.end
+    run.steps, run.rejected, run.evaluations, run.status, run.failure = 0, 0, 0, 0, 1
+    run.h, run.before, run.most, run.tolerance, run.stop_if_stiff = 0.0, np.inf, np.inf, tolerance, stop
     t, last, sample, accepted = times[0], times[-1], 1, True
     bound = min(longest, ask(mechanism, BEGIN, t, z, samples[0]))
     while sample < times.shape[0]:
@@ -184,7 +181,9 @@ def _integrate(drive: _Drive, times: Array, longest: float, samples: Array) -> i
 
 
 @kernel
-def integrate(drive: _Drive, times: Array, longest: float, samples: Array) -> int:
+def integrate(
+    drive: _Drive, times: Array, tolerance: float, longest: float, stop_if_stiff: bool, samples: Array
+) -> int:
     """Integrate from ``times[0]`` and record all samples; return a key of `step_control.STATUS`.
 
     Parameters
@@ -192,9 +191,12 @@ def integrate(drive: _Drive, times: Array, longest: float, samples: Array) -> in
     drive : _Drive
         As a record array; ``motion.z`` holds the initial state, and afterwards the last.
     times : ndarray, shape (n_t,), s
+    tolerance : float
+        Bound on the scaled local error.
     longest : float, s
         Bound on the steps.
+    stop_if_stiff : bool
     samples : ndarray, shape (n_t, n)
         Overwritten.
     """
-    return _integrate(fields_of(drive), times, longest, samples)
+    return _integrate(fields_of(drive), times, tolerance, longest, stop_if_stiff, samples)
