@@ -1,5 +1,6 @@
 """A first run compiles in two processes: one answers, the other compiles the kernels of motions."""
 
+import ast
 import os
 import shutil
 import subprocess
@@ -82,7 +83,7 @@ def test_a_kernel_never_runs_with_kernels_of_other_sources(tmp_path):
 
 def test_the_same_sources_have_the_same_folder_of_kernels(tmp_path):
     """Whatever their times; another source, or the name of one, changes the folder."""
-    for folder in SOURCES:
+    for folder in ("mechanism", "reference"):
         shutil.copytree(SOURCE / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))
     assert digest(tmp_path) == digest(SOURCE)
     changed = tmp_path / "another"
@@ -91,6 +92,32 @@ def test_the_same_sources_have_the_same_folder_of_kernels(tmp_path):
     source = changed / "reference" / "kernel" / "vectors.py"
     source.write_text(source.read_text() + "# another line\n")
     assert digest(changed) != digest(SOURCE)
+
+
+def test_what_kernels_take_from_elsewhere_is_of_files_that_the_folder_is_named_after():
+    """Every name that a compiled function uses, and its file imports, is defined in a file of the digest."""
+    sources = {file for pattern in SOURCES for file in SOURCE.glob(pattern)}
+    used = set()
+    for file in sources:
+        tree = ast.parse(file.read_text())
+        imported = {
+            name.asname or name.name: node.module
+            for node in tree.body
+            if isinstance(node, ast.ImportFrom)
+            for name in node.names
+        }
+        for function in (node for node in tree.body if isinstance(node, ast.FunctionDef) and node.decorator_list):
+            names = {
+                node.id for statement in function.body for node in ast.walk(statement) if isinstance(node, ast.Name)
+            }
+            used |= {(imported[name], name) for name in names & set(imported)}
+    used = {(module, name) for module, name in used if module.startswith("consilience")}
+    assert ("consilience.mechanism", "RANK_TOLERANCE") in used
+    outside = {name for module, name in used if not module.startswith("consilience.reference")}
+    defined = (SOURCE / "mechanism" / "constraints.py").read_text()
+    assert [name for name in sorted(outside) if f"\n{name} = " not in defined] == []
+    rooms = {module.split(".")[2] for module, _ in used if module.startswith("consilience.reference")}
+    assert rooms <= {file.parent.name for file in sources}
 
 
 def test_the_second_process_is_asked_for_all_compiled_motions_of_the_first_formulation(monkeypatch):

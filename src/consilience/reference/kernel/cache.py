@@ -16,17 +16,17 @@ _PACKAGE = Path(__file__).parents[2]
 
 _ROOMS = ("kernel", "bodies", "integrators", "steppers", "tree", "formulations")
 
-SOURCES = ("mechanism", *(f"reference/{room}" for room in _ROOMS))
-"""Folders of kernels, and of the constants that kernels contain."""
+SOURCES = (*(f"reference/{room}/*.py" for room in _ROOMS), "mechanism/constraints.py")
+"""Patterns of the files that kernels are made of: their own, and that of the constants they take from elsewhere."""
 
 
 @cache
 def digest(package: Path) -> str:
     """Return the digest of the sources of all kernels of a package."""
     found = hashlib.sha256()
-    for folder in SOURCES:
-        for file in sorted((package / folder).glob("*.py")):
-            found.update(f"{folder}/{file.name}\n".encode() + file.read_bytes())
+    for pattern in SOURCES:
+        for file in sorted(package.glob(pattern)):
+            found.update(f"{file.relative_to(package).as_posix()}\n".encode() + file.read_bytes())
     return found.hexdigest()[:16]
 
 
