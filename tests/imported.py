@@ -6,6 +6,8 @@ Run on robot files that a package ships::
 
 Features that the import reports as left out (limits, motors, contacts, rotor inertia, Coulomb friction) are off in the
 engine; features that the import keeps (damping of hinges and slides, springs, mimicking joints, loops) are on.
+
+Exit code 1 if a difference exceeds 1e-10, or if no file is imported.
 """
 
 from __future__ import annotations
@@ -26,6 +28,9 @@ from consilience.mechanism import State, constraint_residual, quaternion_from_ro
 from consilience.reference import accelerations
 
 FORMULATION = "relative"
+
+BAR = 1e-10
+"""Largest relative difference of accelerations."""
 
 
 def through_the_file(imported):
@@ -230,12 +235,12 @@ def difference(path, free_base=False, states=3, formulation=FORMULATION):
 
 
 def row(path, free_base):
-    """One row of the table."""
+    """One row of the table, and the difference; None where the file is refused."""
     base = "free" if free_base else "as in the file"
     try:
         worst, _, imported = difference(path, free_base)
     except ConsilienceError as error:
-        return f"| {path.name} | {base} | | | {error} |"
+        return f"| {path.name} | {base} | | | {error} |", None
     m = imported.case.mechanism
     beside = ", ".join(
         f"{len(elements)} {what}"
@@ -244,15 +249,20 @@ def row(path, free_base):
     )
     noted = "; ".join(f"{reason} ({len(elements)})" for reason, elements in imported.notes.left_out.items())
     parts = f"{len(m.bodies)} bodies, {len(m.joints)} joints" + (f", {beside}" if beside else "")
-    return f"| {path.name} | {base} | {parts} | {worst:.1e} | {noted} |"
+    return f"| {path.name} | {base} | {parts} | {worst:.1e} | {noted} |", worst
 
 
 def main(paths):
+    """Print the table; return the exit code."""
     print("| file | base | case | relative difference | changed or left out |\n|---|---|---|---|---|")
+    found = []
     for path in map(Path, paths):
         for free_base in (False, True) if path.suffix == ".urdf" else (False,):
-            print(row(path, free_base), flush=True)
+            text, worst = row(path, free_base)
+            found += [worst] if worst is not None else []
+            print(text, flush=True)
+    return int(not found or not all(worst <= BAR for worst in found))
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    sys.exit(main(sys.argv[1:]))

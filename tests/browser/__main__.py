@@ -67,13 +67,14 @@ def screenshots(window, report, view, folder):
         opened.page.context.close()
 
 
-def main():
+def main(arguments=None):
+    """Run the checks that the command line asks for; exit code 1 if anything is wrong."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("report", type=Path, help="report.html, with its report.jsonl beside it")
     parser.add_argument("-o", "--output", type=Path, default=Path("screenshots"), help="folder of the screenshots")
     parser.add_argument("--chromium", help="path of the browser; default: the system's")
     parser.add_argument("--only", action="append", help="name of a check; repeat it")
-    given = parser.parse_args()
+    given = parser.parse_args(arguments)
     view = view_of(read_record(given.report.parent))
     bad, size = [], given.report.stat().st_size
     print(f"{given.report}: {size / 1e6:.2f} MB, {len(view.cases)} cases, {len(view.cells)} cells")

@@ -10,9 +10,7 @@ import mujoco
 
 from consilience import accelerations, initial_state
 from consilience.case.importing import import_model
-from imported import difference
-
-BAR = 1e-10
+from imported import BAR, difference
 
 INERTIAL = """<inertial><origin xyz="{com}" rpy="0.3 -0.5 0.8"/><mass value="{mass}"/>
   <inertia ixx="0.021" iyy="0.034" izz="0.027" ixy="0.002" ixz="-0.003" iyz="0.0015"/></inertial>"""

@@ -18,6 +18,8 @@ from consilience.errors import ConsilienceError
 from consilience.report.html import render_html
 from consilience.report.markdown import render_markdown
 from consilience.report.record import read_record
+from hostile import campaign as hostile_campaign
+from hostile import properties, wire
 from hostile.mutations import MARK, TEXTS, jsonl_bytes
 from hostile.pages import Elements, check_html, check_markdown, check_terminal, opened
 from hostile.properties import (
@@ -85,6 +87,20 @@ def test_mutated_frames_are_refused_or_understood(tmp_path):
         swallow_wire(raw, tmp_path)
 
     campaign()
+
+
+@pytest.mark.parametrize(("kind", "step"), [("cases", "examine"), ("reports", "render_markdown"), ("wire", "_sound")])
+def test_an_exception_that_no_user_should_see_fails_the_campaign(kind, step, monkeypatch, tmp_path, report, capsys):
+    def stumbles(*_):
+        raise KeyError("planted")
+
+    monkeypatch.setattr(wire if kind == "wire" else properties, step, stumbles)
+    for name in ("warm", "warm_wire"):
+        monkeypatch.setattr(hostile_campaign, name, lambda *_: None)
+    monkeypatch.setattr(hostile_campaign, "report_seed", lambda _: report)
+    assert hostile_campaign.main(["--kind", kind, "--inputs", "40", "--folder", str(tmp_path)]) == 1
+    assert "KeyError: 'planted'" in capsys.readouterr().out
+    assert (tmp_path / "finding").stat().st_size > 0
 
 
 @pytest.mark.parametrize("payload", [t for t in TEXTS if 1 < len(t) < 900], ids=lambda t: ascii(t)[1:30])

@@ -2,10 +2,7 @@
 
 import logging
 import re
-import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -187,10 +184,3 @@ def test_a_verbose_run_says_who_does_what_on_a_line_each(cases, tmp_path, capsys
     ):
         assert [line for line in told if re.search(pattern, line)], pattern
     assert all(re.match(r"\d\d:\d\d:\d\d\.\d{3} ", line) for line in told)
-
-
-def test_suites_that_are_killed_go_on_and_say_the_same():
-    """Short version of the campaign `kills`: the runner, a worker, or both are killed."""
-    command = [sys.executable, str(Path(__file__).parent / "kills.py"), "--kills", "3", "--short"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=600, check=False)
-    assert done.stdout.splitlines()[-1] == "3 kills, 0 wrong", done.stdout + done.stderr

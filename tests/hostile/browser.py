@@ -50,11 +50,11 @@ def ran(browser, page, folder):
     return told == {"yes"}
 
 
-def main():
-    """Check every page."""
+def main(arguments=None):
+    """Check every page; return whether anything is wrong."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--browser", default="chromium")
-    browser = parser.parse_args().browser
+    browser = parser.parse_args(arguments).browser
     wrong = 0
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

@@ -28,15 +28,15 @@ from hostile.properties import (
 from hostile.wire import swallow_wire, warm_wire, wire_mutants
 
 
-def main():
-    """Run the campaign that the command line asks for."""
+def main(arguments=None):
+    """Run the campaign that the command line asks for; return the exit code, 1 after a finding."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--inputs", type=int, default=50_000)
     parser.add_argument("--kind", choices=("cases", "reports", "wire"), default="cases")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--folder", type=Path, default=None, help="for the inputs; default: a temporary one")
     parser.add_argument("--report", type=Path, default=None, help="folder of the report to mutate; default: a new one")
-    asked = parser.parse_args()
+    asked = parser.parse_args(arguments)
     folder = asked.folder or Path(tempfile.mkdtemp(prefix="hostile"))
     folder.mkdir(parents=True, exist_ok=True)
     if asked.kind == "cases":
