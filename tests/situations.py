@@ -65,7 +65,7 @@ class Situation:
 
     def judge(self) -> Comparison:
         """Verdict of the rules on this error."""
-        levels = {"tolerances": self.steps} if self.tolerances else {"substeps": (10, 20, 40)[: len(self.steps)]}
+        levels = {"tolerances": self.steps} if self.tolerances else {"substeps": (10, 20, 40, 80)[: len(self.steps)]}
         method = Method(
             "m", Route.NATIVE, self.order, profile=self.profile, softness=1.0 if self.soft else None, **levels
         )
@@ -162,6 +162,7 @@ SITUATIONS = (
     Situation(
         "soft defaults, order 1", lambda h, s: 5e-2 * s + 0.05 * h, R, "softness", order=1, soft=True, profile=DEFAULT
     ),
+    Situation("soft, half of the steps", lambda h, s: 0.5 * h + 1.25e-3 * s, R, "softness", order=1, soft=True),
     Situation(
         "soft, not asymptotic in the step", lambda h, s: 1e-3 * s + 1e-3 * np.sin(1 / h) * h, R, "softness", soft=True
     ),
@@ -222,12 +223,22 @@ SITUATIONS = (
         velocity_slope=0.05,
     ),
     Situation("levels met elsewhere", lambda h, s: 1e-3 + noise(1e-13)(h, s), M, "converged elsewhere", order=4),
-    Situation("levels met elsewhere, a little", lambda h, s: 1e-6 + 1e-5 * h**3, M, "converged elsewhere", order=1),
+    Situation(
+        "levels met elsewhere, a little",
+        lambda h, s: 1e-6 + 1e-5 * h**3,
+        M,
+        "converged elsewhere",
+        order=1,
+        steps=(0.02, 0.01, 0.005, 0.0025),
+    ),
     # ---------------------------------------------------------------- unresolved
     Situation("order one where four is declared", lambda h, s: 0.1 * h, U, "not asymptotic", order=4),
     Situation("order two where one is declared", lambda h, s: 5.0 * h**2, U, "not asymptotic", order=1),
     Situation("erratic steps", lambda h, s: 1e-2 * np.sin(1 / h), U, "not asymptotic"),
     Situation("steps far too coarse", lambda h, s: np.tanh(3e3 * h**2) * 0.5, U, "not asymptotic"),
+    Situation("steps far too coarse, order by chance", lambda h, s: 30.0 * h, U, "wide band", order=1),
+    Situation("a model error of half the error of the steps", lambda h, s: 2.0 * h**2 + 2.5e-5, U, "wide band"),
+    Situation("levels that agree, steps of a radian", lambda h, s: 1e-3, U, "unresolved rate", steps=(1.6, 0.8, 0.4)),
     Situation("an uncertain reference", lambda h, s: 0.0, U, "uncertain reference", spread=1e-7),
     Situation("a disputed reference", lambda h, s: 1e-4, U, "disputed reference", dispute="published value"),
     Situation("chaotic from the start", lambda h, s: 1e-3, U, "horizon", growth=np.full(41, 1e9)),

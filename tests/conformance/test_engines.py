@@ -12,7 +12,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import truth
-from consilience.compare.uncertainty import needs_another_level
+from consilience.compare.uncertainty import MOST_LEVELS, needs_another_level
 from consilience.engine import Profile, Question, Route, defects
 from consilience.errors import InvalidInput
 from consilience.mechanism import (
@@ -33,7 +33,6 @@ from consilience.mechanism import (
     rotation_with_z_axis,
 )
 from consilience.mechanism.conditioning import mass_matrix_condition
-from consilience.suite.engine_runs import MOST_LEVELS
 from mechanisms import ELEMENTS, LOOPS, TREES, states_of
 
 ALL = TREES | LOOPS

@@ -6,14 +6,17 @@ import numpy as np
 import pytest
 
 from consilience.case import Case
-from consilience.compare import ReferenceMotion
+from consilience.compare import ReferenceMotion, Verdict
+from consilience.compare.judge import REFERENCE, judge_case, stable_levels
 from consilience.compare.rules import RULES
 from consilience.compare.softness import SCALES
-from consilience.engine import Method, Profile, Question, Route
+from consilience.compare.uncertainty import LEVEL_BUDGET, MOST_LEVELS
+from consilience.engine import Method, Profile, Question, Route, Run, Status
 from consilience.engine.worker.client import Reply
 from consilience.engine.worker.requests import Plan
-from consilience.mechanism import Initial
-from consilience.suite.engine_runs import LEVEL_BUDGET, MOST_LEVELS, EngineCase
+from consilience.mechanism import Initial, JointSpring
+from consilience.suite.engine_runs import EngineCase
+from mechanisms import chain
 from situations import MECHANISM, SHAPE, SITUATIONS, SIZE, TIMES, TRUE, Situation, motion
 
 SAMPLE = float(TIMES[1])
@@ -27,20 +30,22 @@ class Known:
 
     engine = "known"
 
-    def __init__(self, error, cpu):
-        self.error, self.cpu, self.asked = error, cpu, []
+    def __init__(self, error, cpu, rate):
+        self.error, self.cpu, self.rate, self.asked = error, cpu, rate, []
 
     def ask(self, request):
         softness = request.method.softness
         self.asked.append((round(SAMPLE / request.step), softness))
+        if request.step * self.rate > 2.8:
+            return Reply(None, returned=False, reason="not finite")
         return Reply(motion(SIZE * SHAPE * self.error(request.step, softness or 0.0)), returned=True, cpu=self.cpu)
 
 
-def asked(error, soft=False, yard=YARD, cpu=0.0):
+def asked(error, soft=False, yard=YARD, cpu=0.0, case=CASE):
     """Return the substeps asked at the method's own softness, and (substeps, softness) asked at others."""
-    worker = Known(error, cpu)
+    worker = Known(error, cpu, case.fastest_rate)
     method = Method("m", Route.NATIVE, 2, tuple(THREE), softness=1.0 if soft else None)
-    ladder = EngineCase(worker, CASE, Plan({}, {}, {}), reference_motion=yard).ladder
+    ladder = EngineCase(worker, case, Plan({}, {}, {}), reference_motion=yard).ladder
     list(ladder(Question.TRAJECTORY, method, [SAMPLE / n for n in THREE]))
     own = [n for n, s in worker.asked if s in (None, 1.0)]
     return own, [(n, s) for n, s in worker.asked if s not in (None, 1.0)]
@@ -82,6 +87,43 @@ def test_without_a_reference_nothing_is_decided():
 def test_past_the_horizon_nothing_more_is_asked():
     chaotic = replace(YARD, growth=np.full(len(TIMES), 1e12))
     assert asked(lambda h, s: 1e-2 * h, soft=True, yard=chaotic) == (THREE, [])
+
+
+def damped(rate):
+    """The case with a damper of this rate, 1/s, on a slide beside its body."""
+    slide = chain("prismatic", seed=3)
+    damper = JointSpring("d", "j0", "distance", 0.0, rate * slide.bodies[0].mass, 0.0)
+    return replace(CASE, mechanism=replace(slide, joint_springs=(damper,)))
+
+
+def test_a_ladder_without_a_stable_step_begins_anew_at_one():
+    """Steps of 1.25 ms at 1e4 1/s are unstable, 5 ms / 32 are not."""
+    levels, _ = asked(lambda h, s: h**2, case=damped(1e4))
+    assert levels == [*THREE, *(32 * n for n in THREE)]
+
+
+def test_unstable_levels_before_stable_ones_are_left_out():
+    """Steps of 5 ms at 1e3 1/s are unstable, the others are not."""
+    case, method = damped(1e3), Method("m", Route.NATIVE, 2, tuple(THREE))
+    worker = Known(lambda h, s: 1e-4 * h**2, 0.0, case.fastest_rate)
+    ladder = EngineCase(worker, case, Plan({}, {}, {}), reference_motion=YARD).ladder
+    runs = list(ladder(Question.TRAJECTORY, method, [SAMPLE / n for n in THREE]))
+    assert [run.status for run in runs] == [Status.FAILED, Status.ANSWERED, Status.ANSWERED]
+    assert [run.level for run in stable_levels(case, runs)] == [1, 2]
+
+
+def test_a_rate_beyond_all_steps_is_named():
+    """At 1e9 1/s a stable ladder would take more steps than `MOST_STEPS`."""
+    case = damped(1e9)
+    assert asked(lambda h, s: h**2, case=case)[0] == THREE
+    method = Method("m", Route.NATIVE, 2, tuple(THREE))
+    run = Run("c", "e", Question.TRAJECTORY, method, 2, 1.25e-3, Status.FAILED, reason="not finite")
+    truth = Run("c", REFERENCE, Question.TRAJECTORY, replace(method, order=None), 0, None, Status.ANSWERED, answer=TRUE)
+    (found,) = (c for c in judge_case(case, [truth, run]) if c.engine == "e")
+    assert (found.verdict, found.rule) == (Verdict.UNRESOLVED, "unresolved rate")
+    assert "1e-09 s or less" in found.why
+    slow = judge_case(damped(10.0), [truth, run])
+    assert [c.verdict for c in slow if c.engine == "e"] == [Verdict.FAILED]
 
 
 @pytest.mark.parametrize("situation", [s for s in SITUATIONS if s.soft], ids=lambda s: s.name)

@@ -9,7 +9,7 @@ import numpy as np
 
 from consilience.case.published import Published
 from consilience.errors import InvalidInput
-from consilience.mechanism import Array, Initial, Mechanism, State, initial_state, random_states
+from consilience.mechanism import Array, Initial, Mechanism, State, fastest_rate, initial_state, random_states
 
 LARGEST_MOTION = 2_000_000
 """Largest number of samples times bodies of a trajectory: an answer of 200 MB."""
@@ -84,6 +84,11 @@ class Case:
         """States of the question `instant`."""
         start = self.initial_state
         return [start, *random_states(self.mechanism, start, self.instants - 1, self.seed)]
+
+    @cached_property
+    def fastest_rate(self) -> float:
+        """Fastest rate of the mechanism at the initial state, 1/s."""
+        return fastest_rate(self.mechanism, self.initial_state)
 
     @property
     def times(self) -> Array:

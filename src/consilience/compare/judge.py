@@ -8,11 +8,13 @@ judge of a motion knows in which questions without integration the engine differ
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from consilience.case import Case
 from consilience.compare.horizon import growth
 from consilience.compare.published import against_published, dispute
 from consilience.compare.result import Comparison, Quantity, Verdict
+from consilience.compare.rules import rate_text
 from consilience.compare.trajectory import ReferenceMotion, spread_over_time
 from consilience.engine import Profile, Question, Run, Status, load_named
 
@@ -34,13 +36,43 @@ def judge_case(case: Case, runs: Sequence[Run]) -> list[Comparison]:
         judge = load_named(question.judge)(case, references, tuple(found)) if references and groups else None
         for group in groups.values():
             levels, softer = [r for r in group if not _softened(r)], [r for r in group if _softened(r)]
+            levels = stable_levels(case, levels)
             if judge is None or any(run.status is not Status.ANSWERED for run in levels):
-                found.append(_without_answer(levels))
+                found.append(_without_answer(case, levels))
             elif group[0] is not references[0]:  # the best reference is not compared with itself
                 # if a run with other softness failed, the levels are judged without softness; the record keeps that run
                 probed = all(run.status is Status.ANSWERED for run in softer)
                 found.append(judge.compare(levels, softer if probed else []))
     return found
+
+
+STABLE = 2.0
+"""Largest product of step and rate at which explicit methods of order one are stable; those of order four to 2.8."""
+
+JUMP = 3.0
+"""Ratio of consecutive steps of levels above which a ladder begins anew."""
+
+
+def stable_levels(case: Case, levels: Sequence[Run]) -> list[Run]:
+    """Return the levels of the last ladder of a method, without coarse ones at whose steps no method need be stable.
+
+    Where no step of a ladder is stable, or none resolves the fastest rate, a second ladder begins at finer steps.
+    """
+    method, levels = levels[0].method, list(levels)
+    if method is None or not method.substeps:
+        return levels
+    steps = [run.step or 0.0 for run in levels]
+    first = max((n for n in range(1, len(steps)) if steps[n - 1] > JUMP * steps[n]), default=0)
+    last = levels[first:]
+    failed = [n for n, run in enumerate(last) if run.answer is None]
+    if not failed or failed[-1] == len(last) - 1 or not unstable(case, last[failed[-1]]):
+        return last
+    return last[failed[-1] + 1 :]
+
+
+def unstable(case: Case, run: Run) -> bool:
+    """Whether the step of a run is beyond stability for the fastest rate at the start of the case."""
+    return run.step is not None and run.step * case.fastest_rate > STABLE
 
 
 def reference_motion(case: Case, runs: Sequence[Run]) -> ReferenceMotion | None:
@@ -85,9 +117,20 @@ _WITHOUT_ANSWER = {
 """Verdict of a group of runs without an answer, or (where all have answered) without a reference."""
 
 
-def _without_answer(group: Sequence[Run]) -> Comparison:
-    """Return the comparison of a group without answers, or without a reference."""
+def _without_answer(case: Case, group: Sequence[Run]) -> Comparison:
+    """Return the comparison of a group without answers, or without a reference.
+
+    A motion that fails at steps at which no method need be stable is unresolved.
+    """
     run = next((run for run in group if run.status is not Status.ANSWERED), group[0])
+    if run.status is Status.FAILED and run.method is not None and run.method.substeps and unstable(case, run):
+        text = rate_text(run.step or 0.0, case.fastest_rate)
+        return replace(_blank(run), verdict=Verdict.UNRESOLVED, rule="unresolved rate", why=f"{text}; {run.reason}")
+    return _blank(run)
+
+
+def _blank(run: Run) -> Comparison:
+    """Return the comparison of a run without an answer, or without a reference."""
     return Comparison(
         case=run.case,
         engine=run.engine,

@@ -22,7 +22,9 @@ from consilience.mechanism import (
     constraint_residual,
     count_turns,
     rotation_angle_between,
+    rotation_from_quaternion,
 )
+from consilience.mechanism.observables import SampledMotion
 
 KEPT_SAMPLES = 101
 """Number of samples of a plot, and of observables that are costly."""
@@ -43,6 +45,16 @@ def difference_over_time(a: TrajectoryAnswer, b: TrajectoryAnswer, size: float) 
     distance = np.max(np.linalg.norm(a.p_WB - b.p_WB, axis=2), axis=1) / size
     angle = np.max(rotation_angle_between(a.quat_WB, b.quat_WB), axis=1)
     return np.maximum(distance, angle)
+
+
+def saturation(a: TrajectoryAnswer, b: TrajectoryAnswer, size: float, judged: slice) -> float:
+    """Return the largest difference of two motions as a share of the most by which motions differ.
+
+    Orientations differ by no more than pi, and positions in the region of the motion by no more than its size.
+    """
+    distance = np.linalg.norm(a.p_WB - b.p_WB, axis=2)[judged] / size
+    angle = rotation_angle_between(a.quat_WB, b.quat_WB)[judged] / np.pi
+    return float(max(np.max(distance, initial=0.0), np.max(angle, initial=0.0)))
 
 
 @dataclass(frozen=True)
@@ -93,15 +105,19 @@ def _align(quat: Array, like: Array) -> Array:
     return quat * np.where(np.sum(quat * like, axis=-1, keepdims=True) < 0, -1.0, 1.0)
 
 
-def extrapolated(coarse: TrajectoryAnswer, fine: TrajectoryAnswer, weight: float) -> TrajectoryAnswer:
-    """Return ``fine + weight (fine - coarse)``, with unit quaternions."""
-    quat = fine.quat_WB + weight * (fine.quat_WB - _align(coarse.quat_WB, fine.quat_WB))
+def extrapolated(
+    coarse: TrajectoryAnswer, fine: TrajectoryAnswer, weight: float, onto: TrajectoryAnswer | None = None
+) -> TrajectoryAnswer:
+    """Return ``onto + weight (fine - coarse)``, with unit quaternions; `onto` is `fine` by default."""
+    onto = fine if onto is None else onto
+    quats = (_align(motion.quat_WB, onto.quat_WB) for motion in (fine, coarse))
+    quat = onto.quat_WB + weight * np.subtract(*quats)
     return TrajectoryAnswer(
         fine.time,
-        fine.p_WB + weight * (fine.p_WB - coarse.p_WB),
+        onto.p_WB + weight * (fine.p_WB - coarse.p_WB),
         quat / np.linalg.norm(quat, axis=-1, keepdims=True),
-        fine.v_WB_W + weight * (fine.v_WB_W - coarse.v_WB_W),
-        fine.w_WB_W + weight * (fine.w_WB_W - coarse.w_WB_W),
+        onto.v_WB_W + weight * (fine.v_WB_W - coarse.v_WB_W),
+        onto.w_WB_W + weight * (fine.w_WB_W - coarse.w_WB_W),
     )
 
 
@@ -112,16 +128,23 @@ def energy_over_time(mechanism: Mechanism, answer: TrajectoryAnswer, samples: Se
     return np.asarray((total - total[0]) / max(float(np.max(kinetic)), TINY))
 
 
-def _state(answer: TrajectoryAnswer, n: int) -> State:
+def state_at(answer: TrajectoryAnswer, n: int) -> State:
+    """Return the state at a sample, with unit quaternions."""
     quat = answer.quat_WB[n] / np.linalg.norm(answer.quat_WB[n], axis=-1, keepdims=True)
     return State(answer.p_WB[n], quat, answer.v_WB_W[n], answer.w_WB_W[n])
+
+
+def sampled_motion(answer: TrajectoryAnswer) -> SampledMotion:
+    """Return the poses and velocities of all samples."""
+    quat = answer.quat_WB / np.linalg.norm(answer.quat_WB, axis=-1, keepdims=True)
+    return SampledMotion(answer.p_WB, rotation_from_quaternion(quat), answer.v_WB_W, answer.w_WB_W)
 
 
 def largest_residual(mechanism: Mechanism, answer: TrajectoryAnswer, samples: Sequence[int]) -> float:
     """Return the largest violation of a joint at the samples, m or dimensionless."""
     largest, angles, kept = 0.0, dict[str, float](), set(samples)
     for n in range(len(answer.time)) if mechanism.couplings else samples:
-        state = _state(answer, n)
+        state = state_at(answer, n)
         angles = count_turns(mechanism, state, angles)
         if n in kept:
             residual = constraint_residual(mechanism, state, float(answer.time[n]), angles)

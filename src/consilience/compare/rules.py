@@ -6,16 +6,28 @@ the rounding error of the horizon in `horizon`; the case gives the digits asked.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from consilience.compare.result import Verdict
-from consilience.compare.softness import Softness
-from consilience.compare.uncertainty import ROUNDING
+from consilience.compare.softness import EXPLAINED, Softness
+from consilience.compare.uncertainty import CAUTIOUS, ROUNDING, SAFE
 
 FASTER = 1e3
 """Largest ratio of the relative difference of velocities to that of poses: an oscillating error a thousand times faster
 than the motion has this ratio."""
+
+LINEAR = 0.25
+"""Largest difference of the levels that show an order, as a share of the most that motions can differ: an eighth of a
+turn, up to which a chord is in proportion to its angle within 3 %."""
+
+CLEAN = 0.1
+"""Largest distance of the observed order from the declared one of levels that converge cleanly. Other levels need the
+safety factor of doubtful ones to blame a model."""
+
+RESOLVED = 1.0
+"""Largest angle in rad by which the fastest mode may turn in a step: six steps in a period."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +48,13 @@ class Evidence:
         Difference of the finest level.
     limit, band : float or None
         Difference of the Richardson limit, and the uncertainty of the finest level; None without a ladder.
+    remains : float
+        Difference of the limit at the declared or the observed order, whichever is nearer to the reference.
+    saturation : float
+        Largest difference of the levels that show the order, as a share of the most that motions can differ.
+    spread : float
+        Largest difference of consecutive levels among the finest three that follow a fourth, or of levels that differ
+        by rounding; infinite otherwise.
     order : float or None
         Order observed among the levels.
     declared : int or None
@@ -43,6 +62,12 @@ class Evidence:
         Whether the levels converge with the declared order.
     softness : Softness or None
         None if the engine's constraints are hard.
+    hard_limit : float
+        Difference of the limit without softness and without steps; infinite if unknown.
+    step, rate, turning : float, s and rad/s
+        Finest step, zero for tolerances; fastest rate of the case; fastest turning of a spring's direction.
+    cut : str
+        Why no finer level was asked, in words; empty if the number of levels ended the ladder.
     earlier : str
         Difference of the same engine at `model` or `instant`, in words; empty if there is none.
     velocities : float
@@ -64,6 +89,14 @@ class Evidence:
     softness: Softness | None = None
     earlier: str = ""
     velocities: float = 0.0
+    remains: float = math.inf
+    saturation: float = 0.0
+    spread: float = math.inf
+    hard_limit: float = math.inf
+    step: float = 0.0
+    rate: float = 0.0
+    turning: float = 0.0
+    cut: str = ""
 
     @property
     def allowed(self) -> float:
@@ -71,11 +104,35 @@ class Evidence:
         return self.asked + self.reference
 
     @property
+    def largest_limit(self) -> float:
+        """Largest difference of a limit that passes: within the band, and no more than a quarter of the difference."""
+        assert self.band is not None
+        return max(min(self.band + self.reference, EXPLAINED * self.finest), self.allowed)
+
+    @property
     def converges_here(self) -> bool:
-        """Whether the levels converge to the reference within the band."""
-        if self.limit is None or self.band is None:
+        """Whether levels far from saturation converge to the reference, and their limit explains the difference."""
+        if not self.asymptotic or self.limit is None or self.band is None or self.saturation > LINEAR:
             return False
-        return self.asymptotic and self.limit <= self.band + self.reference
+        return self.limit <= max(self.band + self.reference, self.allowed) and self.remains <= self.largest_limit
+
+    @property
+    def converges_elsewhere(self) -> bool:
+        """Whether the limit of clean levels is beyond the band; of others, beyond the band of a doubtful ladder."""
+        if not self.asymptotic or self.limit is None or self.band is None or self.saturation > LINEAR:
+            return False
+        clean = self.order is not None and self.declared is not None and abs(self.order - self.declared) <= CLEAN
+        return self.limit > (1.0 if clean else CAUTIOUS / SAFE) * self.band + self.allowed
+
+    @property
+    def unresolved_rate(self) -> float:
+        """Rate that the finest step does not resolve, rad/s; zero if all are resolved.
+
+        Levels that converge with the declared order need not resolve a mode that has decayed; a spring whose direction
+        jumps within a step spoils any order.
+        """
+        rate = max(self.turning, 0.0 if self.asymptotic else self.rate)
+        return rate if self.step * rate > RESOLVED else 0.0
 
     @property
     def observed(self) -> str:
@@ -120,14 +177,17 @@ class Rule:
     final: bool = False
 
 
-def _moves_with_softness(e: Evidence) -> bool:
-    return e.softness is not None and e.softness.matters(e.finest) and e.softness.explains(e.finest, e.allowed)
+def _softness_explains(e: Evidence) -> bool:
+    if e.softness is None or not e.softness.matters(e.finest):
+        return False
+    return e.softness.explains(e.finest, e.allowed, e.hard_limit)
 
 
 def _softness_text(e: Evidence) -> str:
     assert e.softness is not None
+    left = min(e.softness.limit, e.hard_limit)
     return (
-        f"differs by {e.finest:.2g}, by {e.softness.limit:.2g} without softness "
+        f"differs by {e.finest:.2g}, by {left:.2g} without softness{' and steps' if left < e.softness.limit else ''} "
         f"(order {e.softness.order:.2f} in it): the engine's constraints are soft"
     )
 
@@ -175,7 +235,7 @@ RULES: tuple[Rule, ...] = (
     Rule(
         "steps",
         Verdict.DISCRETISATION,
-        "the levels converge with the declared order, to the reference within the band",
+        "the levels converge with the declared order, and their limit explains the difference within the band",
         lambda e: e.converges_here,
         lambda e: f"{e.limit_text}: smaller steps lead to the reference{e.until}",
         final=True,
@@ -191,7 +251,7 @@ RULES: tuple[Rule, ...] = (
         "softness",
         Verdict.REGULARISATION,
         "the difference goes away with the engine's own softness",
-        _moves_with_softness,
+        _softness_explains,
         _softness_text,
     ),
     Rule(
@@ -209,18 +269,32 @@ RULES: tuple[Rule, ...] = (
         lambda e: f"the finest level differs by {e.finest:.2g}, asked {e.asked:.0e}; no order to read",
     ),
     Rule(
+        "unresolved rate",
+        Verdict.UNRESOLVED,
+        "the finest step does not resolve the fastest rate of the case, or a spring passes its anchor",
+        lambda e: e.unresolved_rate > 0.0,
+        lambda e: f"differs by {e.finest:.2g}, and {rate_text(e.step, e.unresolved_rate)}",
+    ),
+    Rule(
         "converged elsewhere",
         Verdict.MODEL,
-        "levels without a clear order have come closer to one another than to the reference, threefold band and all",
-        lambda e: not e.asymptotic and e.band is not None and e.finest > max(e.band + e.allowed, ROUNDING),
-        lambda e: f"differs by {e.finest:.2g}, band {e.band:.2g}, order {e.observed}: the levels have met elsewhere",
+        "levels without a clear order differ by less from one another than by a third from the reference",
+        lambda e: not e.asymptotic and e.finest > max(CAUTIOUS * e.spread + e.allowed, ROUNDING),
+        lambda e: f"differs by {e.finest:.2g}, levels by {e.spread:.2g}, order {e.observed}: they have met elsewhere",
     ),
     Rule(
         "not asymptotic",
         Verdict.UNRESOLVED,
         "the observed order is more than 0.5 off the declared one",
         lambda e: not e.asymptotic,
-        lambda e: f"observed order {e.observed}, declared {e.declared}: not asymptotic at these steps",
+        lambda e: f"observed order {e.observed}, declared {e.declared}: not asymptotic at these steps{e.cut}",
+    ),
+    Rule(
+        "wide band",
+        Verdict.UNRESOLVED,
+        "the limit explains too little of the difference, or the levels differ by a quarter of what motions can",
+        lambda e: not e.converges_elsewhere,
+        lambda e: f"differs by {e.finest:.2g}, {e.limit_text}: too coarse to tell steps from model{e.cut}",
     ),
     Rule(
         "elsewhere",
@@ -230,6 +304,13 @@ RULES: tuple[Rule, ...] = (
         lambda e: f"{e.limit_text}: smaller steps lead elsewhere",
     ),
 )
+
+
+def rate_text(step: float, rate: float) -> str:
+    """Say which step resolves a rate."""
+    if math.isinf(rate):
+        return "a spring passes its anchor, where its force jumps: no step resolves that"
+    return f"a step of {step:.2g} s does not resolve the rate of {rate:.2g} 1/s: {RESOLVED / rate:.1g} s or less would"
 
 
 def decide(evidence: Evidence) -> tuple[Rule, str]:

@@ -53,10 +53,13 @@ class Softness:
     shift: float
     limit: float
 
-    def explains(self, difference: float, allowed: float) -> bool:
-        """Whether a difference to the reference vanishes with the softness, up to the allowed difference."""
+    def explains(self, difference: float, allowed: float, hard_limit: float = np.inf) -> bool:
+        """Whether a difference to the reference vanishes with the softness, up to the allowed difference.
+
+        A smaller difference of the limit without softness and without steps, `hard_limit`, counts as well.
+        """
         settled = self.order is not None and LEAST <= self.order <= MOST
-        return settled and self.limit <= max(EXPLAINED * difference, allowed)
+        return settled and min(self.limit, hard_limit) <= max(EXPLAINED * difference, allowed)
 
     def matters(self, difference: float) -> bool:
         """Whether softness changes the answer by at least `EXPLAINED` of a difference, in any direction."""
@@ -69,8 +72,8 @@ def _dependence(
     reference: _T,
     difference: Callable[[_T, _T], float],
     extrapolate: Callable[[_T, _T, float], _T],
-) -> Softness:
-    """Extrapolate a ladder of answers to no softness, and compare the limit with the reference.
+) -> tuple[Softness, _T]:
+    """Extrapolate a ladder of answers to no softness, and compare the limit with the reference; return both.
 
     Parameters
     ----------
@@ -89,7 +92,7 @@ def _dependence(
     order = float(np.log2(soft / hard)) if hard > 0.0 and soft > 0.0 else None
     limit = one if order is None or order <= 0 else extrapolate(two, one, 2.0**order - 1.0)
     shift = difference(answers[0], limit) if one is not answers[0] or limit is not one else hard
-    return Softness(order, shift, difference(limit, reference))
+    return Softness(order, shift, difference(limit, reference)), limit
 
 
 def of_motions(
@@ -98,8 +101,8 @@ def of_motions(
     reference: TrajectoryAnswer,
     scales: Scales,
     judged: slice,
-) -> Softness:
-    """Return the dependence on softness from motions at several softnesses.
+) -> tuple[Softness, TrajectoryAnswer]:
+    """Return the dependence on softness from motions at several softnesses, and the limit without softness.
 
     Parameters
     ----------
@@ -142,7 +145,7 @@ def of_accelerations(
         stacked_accelerations(reference),
         lambda a, b: float(np.max(np.max(np.abs(a - b), axis=(1, 2)) / sizes)),
         lambda soft, hard, d: hard + (hard - soft) / d,
-    )
+    )[0]
 
 
 def stacked_accelerations(answer: InstantAnswer) -> Array:

@@ -26,14 +26,18 @@ from consilience.compare.motion import (
     extrapolated,
     kept_samples,
     largest_residual,
+    sampled_motion,
+    saturation,
     size_of_motion,
+    state_at,
 )
 from consilience.compare.result import Comparison, Level, Verdict, digits_of
 from consilience.compare.rules import Evidence, decide
 from consilience.engine import Question, Run, TrajectoryAnswer
-from consilience.mechanism import Array, Mechanism
+from consilience.mechanism import Array, Mechanism, fastest_rate, turning_rate
 
 RESIDUAL_SAMPLES = 21
+RATE_SAMPLES = 3
 
 
 def spread_over_time(mechanism: Mechanism, answers: Sequence[TrajectoryAnswer]) -> Array:
@@ -87,6 +91,9 @@ class _Ladder:
     self_order: float | None = None
     band: float | None = None
     limit: float | None = None
+    remains: float = np.inf
+    saturation: float = 0.0
+    spread: float = np.inf
     declared: int | None = None
 
     @property
@@ -119,20 +126,32 @@ class _Levels:
             return _Ladder()
         ratio, size = uncertainty.ratio_of(self.steps), self.scales.size
         changes = [difference_over_time(a, b, size)[judged] for a, b in pairwise(self.answers)]
-        limit = uncertainty.richardson(self.answers[-2], self.answers[-1], declared, ratio)
+        chain = self.answers[-3:] if len(self.answers) > 2 else [*self.answers, self.reference]
         found = _Ladder(
             order=uncertainty.finest_order([uncertainty.rms(e[judged]) for e in self.errors], ratio),
             self_order=uncertainty.finest_order([uncertainty.rms(c) for c in changes], ratio),
-            limit=float(np.max(difference_over_time(limit, self.reference, size)[judged])),
+            limit=self._off(self._limit(declared)),
+            saturation=max(saturation(a, b, size, judged) for a, b in pairwise(chain)),
+            spread=_spread([float(np.max(change)) for change in changes]),
             declared=declared,
         )
         band = uncertainty.band(float(np.max(changes[-1])), found.settled, declared, ratio, 0.0)
-        return replace(found, band=band)
+        orders = [declared] if found.settled is None or not found.asymptotic else [declared, found.settled]
+        return replace(found, band=band, remains=min(self._off(self._limit(order)) for order in orders))
 
-    def evidence(self, soft: softness.Softness | None = None, earlier: str = "") -> Evidence:
+    def _limit(self, order: float) -> TrajectoryAnswer:
+        """Return the Richardson limit of the two finest levels at an order."""
+        return uncertainty.richardson(self.answers[-2], self.answers[-1], order, uncertainty.ratio_of(self.steps))
+
+    def _off(self, motion: TrajectoryAnswer) -> float:
+        """Return the largest difference of a motion to the reference up to the horizon."""
+        return float(np.max(difference_over_time(motion, self.reference, self.scales.size)[: self.judged]))
+
+    def evidence(self, softer: Sequence[Run] = (), earlier: str = "") -> Evidence:
         """Return the numbers by which the levels are judged."""
         last, time, ladder = max(self.judged - 1, 0), self.reference.time, self.ladder
-        return Evidence(
+        soft, hard_limit = self._dependence(softer)
+        found = Evidence(
             asked=10.0**-self.reference_motion.digits,
             judged=float(time[last] - time[0]),
             duration=float(np.ptp(time)),
@@ -147,7 +166,31 @@ class _Levels:
             softness=soft,
             earlier=earlier,
             velocities=self._velocities(),
+            remains=ladder.remains,
+            saturation=ladder.saturation,
+            spread=ladder.spread,
+            hard_limit=hard_limit,
+            cut=self._cut(),
         )
+        return found if found.finest <= found.allowed or found.converges_here else self._with_rates(found)
+
+    def _with_rates(self, found: Evidence) -> Evidence:
+        """Add the rates that the finest step has to resolve; zero for tolerances."""
+        step, method = self.steps[-1], self.runs[-1].method
+        if method is None or not method.substeps or not step or self.judged < 1:
+            return found
+        answer, mechanism = self.reference, self.mechanism
+        some = kept_samples(self.judged, RATE_SAMPLES)
+        rate = max(fastest_rate(mechanism, state_at(answer, n), float(answer.time[n])) for n in some)
+        turning = turning_rate(mechanism, sampled_motion(answer), answer.time)
+        return replace(found, step=step, rate=rate, turning=turning)
+
+    def _cut(self) -> str:
+        """Say why the ladder ended before its last level, and which step it would need."""
+        run, step = self.runs[-1], self.steps[-1]
+        if not step or len(self.runs) >= uncertainty.MOST_LEVELS or uncertainty.affordable(run.cpu):
+            return ""
+        return f"; the next level, at {step / 2.0:.2g} s, would take {2.0 * run.cpu:.1f} s of CPU time"
 
     def _velocities(self) -> float:
         """Return the difference of the velocities of the finest level, or of the limit at order one if smaller."""
@@ -161,13 +204,21 @@ class _Levels:
 
         return min(map(largest, candidates))
 
-    def dependence(self, softer: Sequence[Run]) -> softness.Softness | None:
-        """Return the dependence on softness, from runs of the finest level with other softness; None without any."""
+    def _dependence(self, softer: Sequence[Run]) -> tuple[softness.Softness | None, float]:
+        """Return the dependence on softness, and the difference of the limit without softness and steps.
+
+        None and infinity without runs of the finest level at other softness; infinity without asymptotic levels.
+        """
         answers = [self.answers[-1], *(run.answer for run in softer)]
         if len(answers) < 3 or self.judged < 2:
-            return None
+            return None, np.inf
         found = [run.method.softness or 1.0 for run in softer if run.method is not None]
-        return softness.of_motions(answers, found, self.reference, self.scales, slice(self.judged))
+        soft, limit = softness.of_motions(answers, found, self.reference, self.scales, slice(self.judged))
+        declared = self.ladder.declared
+        if declared is None or not self.ladder.asymptotic:
+            return soft, np.inf
+        weight = 1.0 / (uncertainty.ratio_of(self.steps) ** declared - 1.0)
+        return soft, self._off(extrapolated(*self.answers[-2:], weight, onto=limit))
 
     def shown(self, samples: Sequence[int]) -> tuple[Level, ...]:
         """Return the levels as the record shows them, with differences and energies at some samples."""
@@ -185,6 +236,13 @@ class _Levels:
             )
             for run, error in zip(self.runs, self.errors, strict=True)
         )
+
+
+def _spread(changes: Sequence[float]) -> float:
+    """Return the largest of the last two changes after a third, or of changes that are rounding; infinity otherwise."""
+    if max(changes) <= uncertainty.ROUNDING:
+        return max(changes)
+    return max(changes[-2:]) if len(changes) > 2 else np.inf
 
 
 # squares of a diverging motion overflow and count as infinite
@@ -213,8 +271,8 @@ def compare_trajectory(
     """
     levels, method, reference = _Levels(mechanism, runs, reference_motion), runs[0].method, reference_motion.answer
     assert method is not None
-    ladder, soft = levels.ladder, levels.dependence(softer)
-    evidence = levels.evidence(soft, earlier)
+    ladder = levels.ladder
+    evidence = levels.evidence(softer, earlier)
     rule, why = decide(evidence)
     samples = kept_samples(len(reference.time))
     return Comparison(
@@ -235,7 +293,7 @@ def compare_trajectory(
         band=ladder.band,
         reference_spread=evidence.reference,
         horizon=evidence.judged if levels.judged < len(reference.time) else None,
-        softness=soft,
+        softness=evidence.softness,
         observables=uncertainty.estimates(levels.answers, method, levels.steps, levels.scales),
         times=tuple(float(t) for t in reference.time[samples]),
         growth=() if reference_motion.growth is None else tuple(float(g) for g in reference_motion.growth[samples]),
@@ -251,12 +309,15 @@ class Prospect:
     ----------
     decided : bool
         Neither finer levels nor other softness would change the verdict.
-    next_agrees : bool
-        The levels converge to the reference, and the next level is expected to agree.
+    finer : bool
+        A finer level is expected to agree, or to tell steps from model.
+    rate : float, 1/s
+        Rate that no level resolves; zero if the finest level resolves all.
     """
 
     decided: bool
-    next_agrees: bool
+    finer: bool
+    rate: float = 0.0
 
     @classmethod
     @_BLOWN_UP
@@ -266,7 +327,7 @@ class Prospect:
         evidence = levels.evidence()
         rule, _ = decide(evidence)
         if rule.verdict is not Verdict.DISCRETISATION:
-            return cls(rule.final, False)
+            return cls(rule.final, rule.name == "wide band", evidence.unresolved_rate)
         assert evidence.declared is not None
         near = evidence.finest / uncertainty.ratio_of(levels.steps) ** evidence.declared <= evidence.allowed
         return cls(not near, near)

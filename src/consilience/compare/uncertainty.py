@@ -48,6 +48,10 @@ LEAST_ORDER = 0.5
 ROUNDING = 1e-11
 """Differences below this are rounding errors, which show no order."""
 
+MOST_LEVELS = 6
+LEVEL_BUDGET = 5.0
+"""Largest number of levels of a method, and largest CPU time in s that a further level may take."""
+
 EPS = float(np.finfo(float).eps)
 
 
@@ -86,8 +90,9 @@ def ratio_of(steps: Sequence[float | None]) -> float:
 
 
 def rms(values: Array) -> float:
-    """Return the root mean square."""
-    return float(np.sqrt(np.mean(values**2)))
+    """Return the root mean square; infinite where the squares overflow."""
+    with np.errstate(over="ignore"):
+        return float(np.sqrt(np.mean(values**2)))
 
 
 def finest_order(errors: Sequence[float], ratio: float) -> float | None:
@@ -147,6 +152,11 @@ def _steps_taken(answer: TrajectoryAnswer, step: float | None) -> float:
     if counted:
         return float(counted)
     return float(np.ptp(answer.time)) / step if step else 0.0
+
+
+def affordable(cpu: float) -> bool:
+    """Whether a level of half the step of one that took this CPU time, s, is within `LEVEL_BUDGET`."""
+    return 2.0 * cpu < LEVEL_BUDGET
 
 
 def needs_another_level(answers: Sequence[TrajectoryAnswer], method: Method, steps: Sequence[float | None]) -> bool:

@@ -76,6 +76,7 @@ from consilience.mechanism.observables import (
     reaction_map,
     world_inertias,
 )
+from consilience.mechanism.rates import fastest_rate, turning_rate
 from consilience.mechanism.spanning_tree import spanning_tree
 from consilience.mechanism.spatial import (
     Array,
@@ -156,6 +157,7 @@ __all__ = [
     "drawing_state",
     "elementary_rotation",
     "euler_parameter_matrix",
+    "fastest_rate",
     "free_directions",
     "friction_law",
     "full_turns",
@@ -207,6 +209,7 @@ __all__ = [
     "spanning_tree",
     "through",
     "to_elementary_tree",
+    "turning_rate",
     "world_inertias",
     "worst_condition",
 ]

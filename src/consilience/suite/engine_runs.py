@@ -6,15 +6,18 @@ Answers that are in the store are not asked for again. A job that fails is one f
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+
+import numpy as np
 
 from consilience.case import Case
 from consilience.compare import Prospect, ReferenceMotion
 from consilience.compare.horizon import PERTURBATION
-from consilience.compare.judge import DISPLACED_START, REFERENCE
+from consilience.compare.judge import DISPLACED_START, REFERENCE, STABLE, stable_levels, unstable
 from consilience.compare.softness import SCALES
-from consilience.compare.uncertainty import needs_another_level
+from consilience.compare.uncertainty import MOST_LEVELS, affordable, needs_another_level
 from consilience.engine import EngineInfo, Method, Question, Run, Status, defects, load_named
 from consilience.engine.worker.client import EngineHandle, replayable_job
 from consilience.engine.worker.requests import NO_METHOD, Plan, Request
@@ -23,9 +26,8 @@ from consilience.suite.store import Store, StoredAnswer
 
 _LOG = logging.getLogger(__name__)
 
-MOST_LEVELS = 6
-LEVEL_BUDGET = 5.0
-"""Largest number of levels of a method, and largest CPU time in s that a further level may take."""
+MOST_STEPS = 50_000
+"""Largest number of steps of the first level of a ladder that begins where a method is stable."""
 
 DISPLACED = 3
 """Number of displaced motions of the reference: a single direction would miss growth in the others."""
@@ -149,10 +151,19 @@ class EngineCase:
         for level, step in enumerate(levels):
             runs.append(self.once(question, method, level, step))
             yield runs[-1]
-        if not self.thoroughness.closer or any(run.answer is None for run in runs):
+        if not self.thoroughness.closer:
+            return
+        for step in self._stable_steps(method, runs):
+            if len(runs) > len(levels) and not affordable(runs[-1].cpu):
+                break
+            runs.append(self.once(question, method, len(runs), step))
+            yield runs[-1]
+        asked, runs = len(runs), stable_levels(self.case, runs)
+        if any(run.answer is None for run in runs):
             return
         while not (prospect := self._prospect(runs)).decided and (step := self._finer(method, runs, prospect)):
-            runs.append(self.once(question, method, len(runs), step))
+            runs.append(self.once(question, method, asked, step))
+            asked += 1
             yield runs[-1]
             if runs[-1].answer is None:
                 return
@@ -161,20 +172,42 @@ class EngineCase:
                 softer = replace(method, softness=scale * method.softness)
                 yield self.once(question, softer, runs[-1].level, runs[-1].step)
 
+    def _stable_steps(self, method: Method, runs: Sequence[Run]) -> list[float]:
+        """Return steps of a second ladder, if no step of the first is stable, or none resolves the fastest rate.
+
+        The new ladder begins at the first halving that is stable, and has as many levels; none if it takes more than
+        `MOST_STEPS`.
+        """
+        first, last = runs[0].step, runs[-1]
+        if not method.substeps or first is None:
+            return []
+        if last.answer is None:
+            rate = self.case.fastest_rate if unstable(self.case, last) else 0.0
+        else:
+            answered = stable_levels(self.case, runs)
+            rate = 0.0 if any(run.answer is None for run in answered) else self._prospect(answered).rate
+        if not 0.0 < rate < np.inf:
+            return []
+        halvings = max(0, math.ceil(math.log2(first * rate / STABLE)))
+        start = first / 2.0**halvings
+        if self.case.duration / start > MOST_STEPS:
+            return []
+        return [start * step / first for step in (run.step for run in runs) if step is not None]
+
     def _prospect(self, runs: Sequence[Run]) -> Prospect:
         """Return the effect of more levels; without a reference motion the verdict counts as open."""
         if self.reference_motion is None or not runs[0].question.over_time:
-            return Prospect(decided=False, next_agrees=False)
+            return Prospect(decided=False, finer=False)
         return Prospect.of(self.case.mechanism, runs, self.reference_motion)
 
     @staticmethod
     def _finer(method: Method, runs: Sequence[Run], prospect: Prospect) -> float | None:
         """Return the next step size; None where a further level would show nothing new or take too long."""
         last = runs[-1].step
-        if last is None or not method.substeps or len(runs) >= MOST_LEVELS or 2.0 * runs[-1].cpu >= LEVEL_BUDGET:
+        if last is None or not method.substeps or len(runs) >= MOST_LEVELS or not affordable(runs[-1].cpu):
             return None
         answers = [run.answer for run in runs]
-        more = prospect.next_agrees or needs_another_level(answers, method, [run.step for run in runs])
+        more = prospect.finer or needs_another_level(answers, method, [run.step for run in runs])
         return last / 2.0 if more else None
 
     def _displaced(self, method: Method) -> Iterator[Run]:
