@@ -218,7 +218,7 @@ class _Levels:
         if declared is None or not self.ladder.asymptotic:
             return soft, np.inf
         weight = 1.0 / (uncertainty.ratio_of(self.steps) ** declared - 1.0)
-        return soft, self._off(extrapolated(*self.answers[-2:], weight, onto=limit))
+        return soft, self._off(extrapolated(self.answers[-2], self.answers[-1], weight, limit))
 
     def shown(self, samples: Sequence[int]) -> tuple[Level, ...]:
         """Return the levels as the record shows them, with differences and energies at some samples."""

@@ -124,8 +124,10 @@ CAUSES: dict[str, str] = {
     "softness": "The engine's constraints are soft; harder ones lead to the reference.",
     "softness unclear": "The engine's constraints are soft; harder ones move the answer, but not to the reference yet.",
     "no ladder": "Not as accurate as asked, and there is only one step to judge by.",
+    "unresolved rate": "The steps do not resolve how fast the forces change; smaller ones would, unless a force jumps.",
     "converged elsewhere": "Smaller steps no longer change the motion, and it is another one.",
     "not asymptotic": "The steps are too large to tell a cause.",
+    "wide band": "The steps are too large to tell a cause: as much could come from them as from another model.",
     "elsewhere": "Smaller steps lead to another motion.",
 }
 """Cause of a verdict in a sentence without numbers, by the rule that decided."""

@@ -26,7 +26,7 @@ from consilience.suite.store import Store, StoredAnswer
 
 _LOG = logging.getLogger(__name__)
 
-MOST_STEPS = 50_000
+MOST_STEPS = 100_000
 """Largest number of steps of the first level of a ladder that begins where a method is stable."""
 
 DISPLACED = 3
