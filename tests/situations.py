@@ -13,6 +13,7 @@ import numpy as np
 
 from consilience.compare import Comparison, ReferenceMotion, Verdict, compare_trajectory
 from consilience.compare.motion import size_of_motion
+from consilience.compare.power import MotionSensitivity
 from consilience.compare.softness import SCALES
 from consilience.engine import Method, Profile, Question, Route, Run, Status, TrajectoryAnswer
 from consilience.mechanism import quaternion_from_rotation_vector
@@ -60,6 +61,7 @@ class Situation:
     growth: np.ndarray | None = field(default=None)
     dispute: str = ""
     earlier: str = ""
+    effect: float | None = None
     velocity: float = 1.0
     velocity_slope: float = 0.0
 
@@ -74,7 +76,10 @@ class Situation:
             self._run(replace(method, softness=s), len(runs) - 1, self.steps[-1], s)
             for s in (SCALES[self.profile] if self.soft else ())
         ]
-        yard = ReferenceMotion(TRUE, np.full(len(TIMES), self.spread), self.digits, self.growth, self.dispute)
+        acting = (
+            () if self.effect is None else (MotionSensitivity("gravity", "gravity", np.full(len(TIMES), self.effect)),)
+        )
+        yard = ReferenceMotion(TRUE, np.full(len(TIMES), self.spread), self.digits, self.growth, self.dispute, acting)
         return compare_trajectory(MECHANISM, runs, yard, softer, self.earlier)
 
     def _run(self, method: Method, level: int, h: float, s: float) -> Run:
@@ -134,6 +139,7 @@ SITUATIONS = (
     Situation("semi-implicit, order 1", lambda h, s: 3.0 * h, D, "steps", order=1),
     Situation("order 1 with a second term", lambda h, s: 1.0 * h + 10.0 * h**2, D, "steps", order=1),
     Situation("order 2", lambda h, s: 5.0 * h**2, D, "steps"),
+    Situation("order 2, a band that shows gravity", lambda h, s: 5.0 * h**2, D, "steps", effect=1e-2),
     Situation("order 2 with a third power", lambda h, s: 5.0 * h**2 + 50.0 * h**3, D, "steps"),
     Situation("order 2 with a fourth power", lambda h, s: -2.0 * h**2 + 300.0 * h**4, D, "steps"),
     Situation("order 4", lambda h, s: 1e3 * h**4, D, "steps", order=4),
@@ -193,6 +199,7 @@ SITUATIONS = (
         earlier="model: total mass",
     ),
     Situation("no ladder, wrong", lambda h, s: 1e-6, M, "no ladder", order=None),
+    Situation("wrong where gravity hardly acts", lambda h, s: 1e-3 + h**2, M, "elsewhere", effect=1e-9),
     Situation(
         "tolerances to another motion",
         lambda h, s: 1e-4 + 1e3 * h,
@@ -239,6 +246,9 @@ SITUATIONS = (
     Situation("steps far too coarse, order by chance", lambda h, s: 30.0 * h, U, "wide band", order=1),
     Situation("a model error of half the error of the steps", lambda h, s: 2.0 * h**2 + 2.5e-5, U, "wide band"),
     Situation("levels that agree, steps of a radian", lambda h, s: 1e-3, U, "unresolved rate", steps=(1.6, 0.8, 0.4)),
+    Situation("agreement within what gravity changes", lambda h, s: 1e-9, U, "no power", effect=9e-8, digits=8),
+    Situation("a band as wide as a tenth of gravity", lambda h, s: 5.0 * h**2, U, "no power", effect=1e-4),
+    Situation("soft by more than gravity changes", lambda h, s: 0.1 * s, U, "no power", soft=True, effect=0.1),
     Situation("an uncertain reference", lambda h, s: 0.0, U, "uncertain reference", spread=1e-7),
     Situation("a disputed reference", lambda h, s: 1e-4, U, "disputed reference", dispute="published value"),
     Situation("chaotic from the start", lambda h, s: 1e-3, U, "horizon", growth=np.full(41, 1e9)),

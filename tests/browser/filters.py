@@ -17,6 +17,7 @@ def tests_of(view):
         "verdict": {look.key: lambda c, look=look: c.look is look for look in LOOKS.values()},
         "engine": {e.name: lambda c, e=e: c.engine == e.name for e in view.engines},
         "question": {q: lambda c, q=q: any(a.question == q for a in c.matched) for q in view.questions},
+        "blind": {"1": lambda c: c.blind},
         "tag": {t: lambda c, t=t: t in tags[c.case] for t, _ in view.tags},
     }
 

@@ -10,7 +10,7 @@ import pytest
 from consilience.case import Case
 from consilience.cli.terminal import log_to_stderr
 from consilience.engine import EngineInfo, Method, Question, Route, Run, Status
-from consilience.engine.worker.client import Request
+from consilience.engine.worker.client import Request, replayable_job
 from consilience.engine.worker.server import replay
 from consilience.mechanism import Initial, Mechanism
 from consilience.suite import Resources, Store, run_suite
@@ -44,7 +44,7 @@ def performed(monkeypatch):
     def counted(self, run, request):
         done = perform(self, run, request)
         what = (run.question, run.method.name, run.level, run.method.softness, run.step)
-        jobs.append((run.engine, run.case, *what, done.status))
+        jobs.append((run.engine, run.case, *what, replayable_job(run.engine, request), done.status))
         return done
 
     monkeypatch.setattr(EngineCase, "_perform", counted)

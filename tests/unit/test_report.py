@@ -84,6 +84,7 @@ def comparison(case, engine, question, how, verdict, why, digits=None, **more):
         "quantities": [],
         "times": [],
         "levels": [],
+        "power": [],
         **more,
     }
 

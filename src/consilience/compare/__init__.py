@@ -5,6 +5,7 @@ The modules `judge` and `judges` import the cases, which these functions do not 
 
 from consilience.compare.campaigns import CODES, exit_code, grouped, markdown_table, write_campaign
 from consilience.compare.instant import compare_instant, compare_model, relative_difference
+from consilience.compare.power import Power
 from consilience.compare.result import Comparison, Level, Quantity, Verdict, compare_by_bars
 from consilience.compare.trajectory import (
     Prospect,
@@ -18,6 +19,7 @@ __all__ = [
     "CODES",
     "Comparison",
     "Level",
+    "Power",
     "Prospect",
     "Quantity",
     "ReferenceMotion",

@@ -12,6 +12,7 @@ from dataclasses import replace
 
 from consilience.case import Case
 from consilience.compare.horizon import growth
+from consilience.compare.power import sensitivities
 from consilience.compare.published import against_published, dispute
 from consilience.compare.result import Comparison, Quantity, Verdict
 from consilience.compare.rules import rate_text
@@ -30,7 +31,7 @@ def judge_case(case: Case, runs: Sequence[Run]) -> list[Comparison]:
     for question in Question:
         groups: dict[tuple[str, str], list[Run]] = {}
         for run in runs:
-            if run.question is question and not _displaced(run):
+            if run.question is question and not _auxiliary(run):
                 groups.setdefault((run.engine, run.method.name if run.method else ""), []).append(run)
         references = _references(runs, question)
         judge = load_named(question.judge)(case, references, tuple(found)) if references and groups else None
@@ -84,16 +85,22 @@ def reference_motion(case: Case, runs: Sequence[Run]) -> ReferenceMotion | None:
 def reference_motion_of(case: Case, references: Sequence[Run]) -> tuple[ReferenceMotion, tuple[Quantity, ...]]:
     """Return the best motion with its uncertainty and horizon, and its differences to published values."""
     mechanism = case.mechanism
-    motions = [run.answer for run in references if not _displaced(run)]
+    motions = [run.answer for run in references if not _auxiliary(run)]
     displaced = [run.answer for run in references if _displaced(run)]
     spread = spread_over_time(mechanism, motions)
     known = against_published(mechanism, case.published, motions, spread)
     growing = growth(mechanism, motions[0], displaced)
-    return ReferenceMotion(motions[0], spread, case.digits, growing, dispute(known)), known
+    acting = sensitivities(mechanism, [run for run in references if not _displaced(run)])
+    return ReferenceMotion(motions[0], spread, case.digits, growing, dispute(known), acting), known
 
 
 def _displaced(run: Run) -> bool:
     return run.engine == REFERENCE and run.method is not None and DISPLACED_START in run.method.name
+
+
+def _auxiliary(run: Run) -> bool:
+    """Whether a run of the reference is about another start or another mechanism, and is not judged itself."""
+    return run.perturbation is not None or _displaced(run)
 
 
 def _softened(run: Run) -> bool:
@@ -101,12 +108,18 @@ def _softened(run: Run) -> bool:
 
 
 def _references(runs: Sequence[Run], question: Question) -> list[Run]:
-    """Return the answered runs of the reference: the best first, then those that bound its uncertainty and horizon."""
-    answered = [r for r in runs if r.engine == REFERENCE and r.question is question and r.status is Status.ANSWERED]
+    """Return the answered runs of the reference: the best first, then those that bound its uncertainty and horizon.
+
+    The last are about mechanisms with an error, for the power of comparisons; none without the best one.
+    """
+    given = [r for r in runs if r.engine == REFERENCE and r.question is question and r.status is Status.ANSWERED]
+    answered, perturbed = [r for r in given if r.perturbation is None], [r for r in given if r.perturbation is not None]
+    if not answered:
+        return []
     headline = [r for r in answered if r.method == answered[0].method]
     others = [r for r in answered if r.method != answered[0].method]
     # the coarsest tolerance serves the work-precision plot alone and does not bound the uncertainty
-    return [*headline[-1:], *headline[1:-1], *others]
+    return [*headline[-1:], *headline[1:-1], *others, *perturbed]
 
 
 _WITHOUT_ANSWER = {

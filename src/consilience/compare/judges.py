@@ -13,10 +13,11 @@ import numpy as np
 from consilience.case import Case
 from consilience.compare.instant import Instants, compare_instant, compare_model
 from consilience.compare.judge import REFERENCE, reference_motion_of
+from consilience.compare.power_of_bars import at_first_states, instants_at_first_states, with_power
 from consilience.compare.published import dispute, start_against_published
-from consilience.compare.result import Comparison, Verdict
+from consilience.compare.result import Comparison, Quantity, Verdict
 from consilience.compare.trajectory import compare_trajectory
-from consilience.engine import Method, Profile, Question, Run
+from consilience.engine import Method, ModelAnswer, Profile, Question, Run
 from consilience.mechanism import characteristic_length
 
 
@@ -27,7 +28,8 @@ class QuestionJudge:
     ----------
     case : Case
     references : sequence of Run
-        Answered runs of the reference, one at least: the best first, then those that bound its uncertainty.
+        Answered runs of the reference, one at least: the best first, then those that bound its uncertainty, then those
+        about mechanisms with an error.
     before : sequence of Comparison
         Comparisons of the earlier questions of the table.
     """
@@ -35,6 +37,7 @@ class QuestionJudge:
     def __init__(self, case: Case, references: Sequence[Run], before: Sequence[Comparison]) -> None:
         self.case, self.references, self.before = case, references, before
         self.reference = references[0].answer
+        self.perturbed = [run for run in references if run.perturbation is not None]
 
     def compare(self, levels: Sequence[Run], softer: Sequence[Run]) -> Comparison:
         """Compare the answers of an engine by one method with the reference.
@@ -62,7 +65,11 @@ class ModelJudge(QuestionJudge):
         """Compare with fixed bars; lengths are relative to the size of the mechanism."""
         run, case = levels[-1], self.case
         length = max(float(np.max(np.abs(case.initial_state.p_WB))), characteristic_length(case.mechanism))
-        return compare_model(case.name, run.engine, method_of(run), run.answer, self.reference, length)
+
+        def judged(answer: ModelAnswer) -> Comparison:
+            return compare_model(case.name, run.engine, method_of(run), answer, self.reference, length)
+
+        return with_power(judged(run.answer), self.perturbed, lambda one: judged(one.answer).quantities)
 
 
 class InstantJudge(QuestionJudge):
@@ -79,6 +86,7 @@ class InstantJudge(QuestionJudge):
         compared = compare_instant(
             self.case.name, run.engine, method_of(run), run.answer, self.reference, self.instants, soft
         )
+        compared = with_power(compared, self.perturbed, lambda one: self._in_place_of(run, one))
         if run.engine == REFERENCE:
             compared = replace(compared, quantities=(*compared.quantities, *self.known))
         disputed = dispute(self.known)
@@ -86,6 +94,15 @@ class InstantJudge(QuestionJudge):
             return compared
         why = f"the reference is disputed: {disputed}"
         return replace(compared, verdict=Verdict.UNRESOLVED, rule="disputed reference", why=why)
+
+    def _in_place_of(self, run: Run, perturbed: Run) -> tuple[Quantity, ...]:
+        """Compare the answer about a mechanism with an error as that of an engine, at its states."""
+        answer, count = perturbed.answer, len(perturbed.answer.kinetic)
+        if run.answer.force_F is None:
+            answer = replace(answer, force_F=None, torque_F=None)
+        reference = at_first_states(self.reference, count)
+        instants = instants_at_first_states(self.instants, count)
+        return compare_instant("", run.engine, method_of(run), answer, reference, instants).quantities
 
 
 class TrajectoryJudge(QuestionJudge):

@@ -7,6 +7,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from consilience.compare.power import Power
 from consilience.compare.softness import Softness
 from consilience.compare.uncertainty import Estimate
 from consilience.engine import Method, Profile, Question, Route
@@ -107,6 +108,9 @@ class Comparison:
         Order and band of each observable of a trajectory.
     growth : tuple of float
         Growth of a perturbation of the reference, on `times`.
+    power : tuple of Power
+        Smallest errors that would have been noticed, one of each kind of parameter that acts; none of an answer that
+        was not judged.
     """
 
     case: str
@@ -132,6 +136,7 @@ class Comparison:
     quantities: tuple[Quantity, ...] = ()
     times: tuple[float, ...] = ()
     levels: tuple[Level, ...] = ()
+    power: tuple[Power, ...] = ()
 
 
 def digits_of(difference: float) -> float:

@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from consilience.compare.power import LARGEST
 from consilience.compare.result import Verdict
 from consilience.compare.softness import EXPLAINED, Softness
 from consilience.compare.uncertainty import CAUTIOUS, ROUNDING, SAFE
@@ -28,6 +29,11 @@ safety factor of doubtful ones to blame a model."""
 
 RESOLVED = 1.0
 """Largest angle in rad by which the fastest mode may turn in a step: six steps in a period."""
+
+NO_POWER = "no power"
+"""Name of the rule for comparisons that would have passed anything."""
+
+POWERLESS = f"an error of {100 * LARGEST:.0f} % in anything that acts would pass"
 
 
 @dataclass(frozen=True)
@@ -73,6 +79,9 @@ class Evidence:
     velocities : float
         Relative difference of the velocities: of the finest level, or of the limit at order one if smaller, because a
         method may have a lower order in velocities than in poses.
+    effect : float or None
+        Largest change of the reference for an error of a parameter, over the error; None if no parameter is known to
+        act.
     """
 
     asked: float
@@ -97,6 +106,7 @@ class Evidence:
     rate: float = 0.0
     turning: float = 0.0
     cut: str = ""
+    effect: float | None = None
 
     @property
     def allowed(self) -> float:
@@ -133,6 +143,29 @@ class Evidence:
         """
         rate = max(self.turning, 0.0 if self.asymptotic else self.rate)
         return rate if self.step * rate > RESOLVED else 0.0
+
+    @property
+    def softness_explains(self) -> bool:
+        """Whether the difference goes away with the softness of the engine."""
+        soft = self.softness
+        if soft is None or not soft.matters(self.finest):
+            return False
+        return soft.explains(self.finest, self.allowed, self.hard_limit)
+
+    @property
+    def passes(self) -> float:
+        """Largest difference of another model that would be passed over."""
+        if self.finest <= self.allowed:
+            return self.allowed
+        if self.converges_here:
+            return self.largest_limit
+        return max(self.allowed, EXPLAINED * self.finest) if self.softness_explains else self.allowed
+
+    @property
+    def powerless(self) -> bool:
+        """Whether the largest error of any parameter that acts would be passed over."""
+        passed = self.finest <= self.allowed or self.converges_here or (not self.earlier and self.softness_explains)
+        return passed and self.effect is not None and self.effect * LARGEST <= self.passes
 
     @property
     def observed(self) -> str:
@@ -177,12 +210,6 @@ class Rule:
     final: bool = False
 
 
-def _softness_explains(e: Evidence) -> bool:
-    if e.softness is None or not e.softness.matters(e.finest):
-        return False
-    return e.softness.explains(e.finest, e.allowed, e.hard_limit)
-
-
 def _softness_text(e: Evidence) -> str:
     assert e.softness is not None
     left = min(e.softness.limit, e.hard_limit)
@@ -225,6 +252,13 @@ RULES: tuple[Rule, ...] = (
         lambda e: f"poses differ by {e.finest:.2g} and velocities by {e.velocities:.2g}: they are not of one motion",
     ),
     Rule(
+        NO_POWER,
+        Verdict.UNRESOLVED,
+        POWERLESS,
+        lambda e: e.powerless,
+        lambda e: f"{POWERLESS}: differences up to {e.passes:.2g} do{e.until}",
+    ),
+    Rule(
         "agreement",
         Verdict.AGREES,
         "the finest level differs by no more than 10^-digits and the uncertainty of the reference",
@@ -251,7 +285,7 @@ RULES: tuple[Rule, ...] = (
         "softness",
         Verdict.REGULARISATION,
         "the difference goes away with the engine's own softness",
-        _softness_explains,
+        lambda e: e.softness_explains,
         _softness_text,
     ),
     Rule(

@@ -31,8 +31,9 @@ from consilience.compare.motion import (
     size_of_motion,
     state_at,
 )
+from consilience.compare.power import MotionSensitivity
 from consilience.compare.result import Comparison, Level, Verdict, digits_of
-from consilience.compare.rules import Evidence, decide
+from consilience.compare.rules import NO_POWER, Evidence, decide
 from consilience.engine import Question, Run, TrajectoryAnswer
 from consilience.mechanism import Array, Mechanism, fastest_rate, turning_rate
 
@@ -67,6 +68,8 @@ class ReferenceMotion:
         Growth of perturbations (`horizon.growth`); None if unknown: then there is no horizon.
     dispute : str
         Published value that contradicts the reference beyond both uncertainties; empty if none does.
+    sensitivities : tuple of MotionSensitivity
+        Of the parameters that act, one of each kind; none if unknown.
     """
 
     answer: TrajectoryAnswer
@@ -74,6 +77,7 @@ class ReferenceMotion:
     digits: int
     growth: Array | None = field(default=None)
     dispute: str = ""
+    sensitivities: tuple[MotionSensitivity, ...] = ()
 
     @property
     def judged(self) -> int:
@@ -165,6 +169,7 @@ class _Levels:
             asymptotic=ladder.asymptotic,
             softness=soft,
             earlier=earlier,
+            effect=max((float(s.effect[last]) for s in self.reference_motion.sensitivities), default=None),
             velocities=self._velocities(),
             remains=ladder.remains,
             saturation=ladder.saturation,
@@ -298,6 +303,7 @@ def compare_trajectory(
         times=tuple(float(t) for t in reference.time[samples]),
         growth=() if reference_motion.growth is None else tuple(float(g) for g in reference_motion.growth[samples]),
         levels=levels.shown(samples),
+        power=tuple(s.power(evidence.passes, levels.judged) for s in reference_motion.sensitivities),
     )
 
 
@@ -310,7 +316,7 @@ class Prospect:
     decided : bool
         Neither finer levels nor other softness would change the verdict.
     finer : bool
-        A finer level is expected to agree, or to tell steps from model.
+        A finer level is expected to agree, to tell steps from model, or to have power.
     rate : float, 1/s
         Rate that no level resolves; zero if the finest level resolves all.
     """
@@ -326,6 +332,8 @@ class Prospect:
         levels = _Levels(mechanism, runs, reference_motion)
         evidence = levels.evidence()
         rule, _ = decide(evidence)
+        if rule.name == NO_POWER:
+            return cls(False, True)  # a finer level has a narrower band
         if rule.verdict is not Verdict.DISCRETISATION:
             return cls(rule.final, rule.name == "wide band", evidence.unresolved_rate)
         assert evidence.declared is not None

@@ -11,7 +11,7 @@ from enum import StrEnum
 from typing import Any
 
 from consilience.engine.questions import Answer, Question
-from consilience.mechanism import Array, State
+from consilience.mechanism import Array, Perturbation, State
 
 
 class Route(StrEnum):
@@ -237,6 +237,8 @@ class Run:
         CPU time of the worker for the answer.
     log : str
         Output of the engine.
+    perturbation : Perturbation or None
+        Error in the mechanism that the engine, here the reference, was given on purpose.
     """
 
     case: str
@@ -251,3 +253,4 @@ class Run:
     manifest: Manifest | None = None
     cpu: float = 0.0
     log: str = ""
+    perturbation: Perturbation | None = None

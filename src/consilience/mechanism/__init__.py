@@ -76,6 +76,8 @@ from consilience.mechanism.observables import (
     reaction_map,
     world_inertias,
 )
+from consilience.mechanism.parameter_effects import ParameterEffects
+from consilience.mechanism.perturbation import Perturbation, PhysicalParameter, physical_parameters, states_in_motion
 from consilience.mechanism.rates import fastest_rate, turning_rate
 from consilience.mechanism.spanning_tree import spanning_tree
 from consilience.mechanism.spatial import (
@@ -124,6 +126,9 @@ __all__ = [
     "Link",
     "Load",
     "Mechanism",
+    "ParameterEffects",
+    "Perturbation",
+    "PhysicalParameter",
     "PointPlane",
     "RelativeMotion",
     "Rolling",
@@ -179,6 +184,7 @@ __all__ = [
     "non_holonomic_rows",
     "null_space",
     "orthogonal_triad",
+    "physical_parameters",
     "plane_axes",
     "potential_energies",
     "potential_energy",
@@ -207,6 +213,7 @@ __all__ = [
     "sine",
     "skew",
     "spanning_tree",
+    "states_in_motion",
     "through",
     "to_elementary_tree",
     "turning_rate",

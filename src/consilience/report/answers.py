@@ -10,7 +10,7 @@ from typing import Any
 from consilience.compare import Verdict
 from consilience.compare.rules import RULES
 from consilience.engine import Profile
-from consilience.report.facts import Fact, facts_of, horizon_text, softness_facts
+from consilience.report.facts import Fact, facts_of, horizon_text, power_facts, softness_facts, would_pass
 from consilience.report.selection import AnswerLines, judged_largest, softness_of
 from consilience.report.wording import (
     DASH,
@@ -103,6 +103,10 @@ class AnswerView:
         Cause of the verdict in a sentence without numbers; `why` has the numbers.
     judged : str
         Time up to which a motion is judged; empty if the whole motion is judged.
+    power : tuple of Fact
+        Smallest errors that would have been noticed.
+    blind : bool
+        Whether an error of 10 % in a parameter that acts would have passed.
     """
 
     lines: AnswerLines
@@ -124,6 +128,8 @@ class AnswerView:
     tables: tuple[NumberTable, ...]
     facts: tuple[Fact, ...]
     softness: tuple[Fact, ...]
+    power: tuple[Fact, ...]
+    blind: bool
     settings: tuple[tuple[str, str], ...]
     troubles: tuple[Trouble, ...]
     unsupported: tuple[str, ...]
@@ -165,6 +171,8 @@ def answer_view(lines: AnswerLines) -> AnswerView:
         tables=tuple(t for t in (_levels(comparison, method), _observables(comparison)) if t.rows),
         facts=tuple(facts_of(lines)),
         softness=tuple(softness_facts(lines)),
+        power=tuple(power_facts(comparison)),
+        blind=any(map(would_pass, comparison["power"])),
         settings=tuple((str(k), plain(v)) for k, v in method.get("settings", {}).items()),
         troubles=tuple(_trouble(r, method) for r in (*lines.levels, *lines.probes) if r["status"] == "failed"),
         unsupported=tuple(comparison["why"].split("; ")) if verdict is Verdict.UNSUPPORTED else (),

@@ -93,6 +93,11 @@ class Cell:
         return any(Question(a.question).over_time and a.tables for a in self.answers)
 
     @property
+    def blind(self) -> bool:
+        """Whether an answer with matched settings would have passed with an error of 10 % in a parameter that acts."""
+        return any(a.blind for a in self.matched)
+
+    @property
     def label(self) -> str:
         """Words of the cell for a screen reader."""
         return f"{self.case}, {self.engine}: {self.look.name}"

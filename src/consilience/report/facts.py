@@ -6,9 +6,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from consilience.compare.power import LARGEST
 from consilience.engine import Question, load_named
 from consilience.report.selection import AnswerLines, softness_of
-from consilience.report.wording import UNITS, digits_text, nested, number, order_text, seconds
+from consilience.report.wording import UNITS, digits_text, error_text, nested, number, order_text, seconds
 
 
 @dataclass(frozen=True)
@@ -75,6 +76,18 @@ def trajectory_facts(lines: AnswerLines) -> Iterator[Fact]:
         yield Fact("band", number(comparison["band"]), "uncertainty of the finest level (grid convergence index)")
     spread = number(comparison["reference_spread"])
     yield Fact("uncertainty of the reference", spread, "spread over formulations, integrators and tolerances")
+
+
+def power_facts(comparison: dict[str, Any]) -> Iterator[Fact]:
+    """State the smallest error of each kind of parameter that would have been noticed."""
+    for power in comparison["power"]:
+        off = error_text(power["kind"], power["limit"])
+        yield Fact(power["of"], f"off by {off}", "would pass" if would_pass(power) else "")
+
+
+def would_pass(power: dict[str, Any]) -> bool:
+    """Whether the largest error of a parameter would have passed; the record has None for an infinite error."""
+    return power["limit"] is None or power["limit"] >= LARGEST
 
 
 def softness_facts(lines: AnswerLines) -> Iterator[Fact]:

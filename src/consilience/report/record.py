@@ -161,7 +161,8 @@ def _run(run: Run) -> dict[str, Any]:
     answer = shown = run.answer
     if run.question.over_time and answer is not None:
         shown = {"counters": answer.counters, "samples": len(answer.time)}
-    return {**vars(run), "record": "run", "answer": shown}
+    fields = {name: value for name, value in vars(run).items() if name != "perturbation"}
+    return {**fields, "record": "run", "answer": shown}
 
 
 def lines(results: Results, elapsed: float) -> Iterator[dict[str, Any]]:

@@ -188,6 +188,14 @@ class ObservableFields(_RecordModel):
     change: NumberField | None
 
 
+class PowerFields(_RecordModel):
+    """Smallest error of a parameter that a comparison would have noticed; None where any error would pass."""
+
+    kind: NameField
+    of: NameField
+    limit: NumberField | None
+
+
 class LevelFields(_RecordModel):
     """A level of a motion."""
 
@@ -228,6 +236,8 @@ class ComparisonLine(_RecordModel):
     quantities: list[QuantityFields]
     times: list[SecondsField]
     levels: list[LevelFields]
+    power: list[PowerFields] = Field(default_factory=list)
+    """Absent in earlier records."""
 
     @model_validator(mode="after")
     def _one_grid(self) -> ComparisonLine:

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from consilience.compare import Verdict
+from consilience.compare.power import LARGEST
 from consilience.engine import Profile, Route
+from consilience.mechanism.perturbation import AXIS, PLACE
 
 DASH = "\N{EM DASH}"
 
@@ -118,6 +120,7 @@ CAUSES: dict[str, str] = {
     "uncertain reference": "The reference is not certain enough to judge.",
     "disputed reference": "A published value contradicts the reference.",
     "velocities": "The poses agree and the velocities do not: they mean something else.",
+    "no power": "A wrong model would have passed as well.",
     "agreement": "As accurate as asked.",
     "steps": "The steps are too large for the digits asked; smaller ones lead to the reference.",
     "earlier layer": "The accelerations are already others, before anything is integrated.",
@@ -189,6 +192,18 @@ def number(value: float | None, digits: int = 2) -> str:
 def difference_text(value: float | None) -> str:
     """Write a difference; None stands for a difference that is not finite."""
     return "not finite" if value is None else number(value)
+
+
+_ERRORS = {PLACE: (100.0, " % of the size of a body"), AXIS: (1.0, " rad")}
+"""Factor and unit of errors that are not relative."""
+
+
+def error_text(kind: str, limit: float | None) -> str:
+    """Write an error of a parameter in percent, of an axis in rad; an error above `LARGEST` is not measured."""
+    factor, unit = _ERRORS.get(kind, (100.0, " %"))
+    if limit is None or limit >= LARGEST:
+        return f"more than {LARGEST * factor:g}{unit}"
+    return f"{number(limit * factor)}{unit}"
 
 
 def seconds(value: float | None) -> str:

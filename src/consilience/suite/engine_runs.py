@@ -9,6 +9,7 @@ import logging
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -16,12 +17,14 @@ from consilience.case import Case
 from consilience.compare import Prospect, ReferenceMotion
 from consilience.compare.horizon import PERTURBATION
 from consilience.compare.judge import DISPLACED_START, REFERENCE, STABLE, stable_levels, unstable
+from consilience.compare.power import MEASURED
 from consilience.compare.softness import SCALES
 from consilience.compare.uncertainty import MOST_LEVELS, affordable, needs_another_level
 from consilience.engine import EngineInfo, Method, Question, Run, Status, defects, load_named
 from consilience.engine.worker.client import EngineHandle, replayable_job
 from consilience.engine.worker.requests import NO_METHOD, Plan, Request
-from consilience.mechanism import State, displaced_states
+from consilience.mechanism import Mechanism, PhysicalParameter, State, displaced_states
+from consilience.suite.perturbed_runs import perturbed_runs, sensitive_parameters
 from consilience.suite.store import Store, StoredAnswer
 
 _LOG = logging.getLogger(__name__)
@@ -126,14 +129,26 @@ class EngineCase:
         methods = self.thoroughness.some(plan.methods[question], worker.engine)
         if not methods:
             yield self._failed(question, None, NO_METHOD)
+        headline: list[Run] = []
         for method in methods:
             levels = levels_of(case, question, method)
             if not levels:
                 yield self._failed(question, method, _NO_LEVEL)
-            else:
-                yield from self.ladder(question, method, levels)
-        if worker.engine == REFERENCE and question.over_time and self.thoroughness.closer:
-            yield from self._displaced(methods[0])
+                continue
+            for run in self.ladder(question, method, levels):
+                headline += [run] if method is methods[0] else []
+                yield run
+        if worker.engine == REFERENCE and methods:
+            if question.over_time and self.thoroughness.closer:
+                yield from self._displaced(methods[0])
+            if question in MEASURED and headline and all(run.answer is not None for run in headline):
+                yield from perturbed_runs(self.once, case, headline, self.sensitive_parameters)
+
+    @cached_property
+    def sensitive_parameters(self) -> list[PhysicalParameter]:
+        """Parameter of each kind whose error is easiest to see, asked of the reference."""
+        methods = self.plan.methods.get(Question.INSTANT, ())
+        return sensitive_parameters(self.once, self.case, methods[0]) if methods else []
 
     def finest(self, question: Question) -> Run:
         """Ask a question by the headline method at its finest level alone."""
@@ -216,11 +231,16 @@ class EngineCase:
         states = displaced_states(case.mechanism, case.initial_state, PERTURBATION, DISPLACED, case.seed)
         for n, state in enumerate(states):
             name = f"{method.name}, {DISPLACED_START} {n + 1}"
-            run = self.once(Question.TRAJECTORY, method, 0, method.tolerances[-2], state)
+            run = self.once(Question.TRAJECTORY, method, 0, method.tolerances[-2], (case.mechanism, [state]))
             yield replace(run, method=replace(method, name=name, settings={"displaced": PERTURBATION}))
 
     def once(
-        self, question: Question, method: Method, level: int, step: float | None, start: State | None = None
+        self,
+        question: Question,
+        method: Method,
+        level: int,
+        step: float | None,
+        subject: tuple[Mechanism, Sequence[State]] | None = None,
     ) -> Run:
         """Return one run, from the store if the answer is there.
 
@@ -232,13 +252,13 @@ class EngineCase:
             Index of the level.
         step : float or None
             Step size in s, or tolerance; None for a question without levels.
-        start : State, optional
-            Initial state of a motion; default: that of the case.
+        subject : tuple of Mechanism and states, optional
+            Default: mechanism of the case, with its states or its initial state.
         """
         case = self.case
-        states = case.states if question.at_states else [start or case.initial_state]
+        mechanism, states = subject or (case.mechanism, case.states if question.at_states else [case.initial_state])
         parameters = load_named(question.parameters)(case) if question.parameters else {}
-        request = Request(case.mechanism, question, method, states, case.times, step or 0.0, parameters=parameters)
+        request = Request(mechanism, question, method, states, case.times, step or 0.0, parameters=parameters)
         key = self.store.key(self.info, request) if self.store is not None and self.info is not None else ""
         kept = self.store.find(key) if self.store is not None and key else None
         run = Run(case.name, self.worker.engine, question, method, level, step, Status.ANSWERED)

@@ -256,6 +256,7 @@ def run_suite(
     for number, case in enumerate(cases):
         results.comparisons += judged[number] if number in judged else _judged(case, names, number, found)
     results.runs = [run for name in names for n in range(len(cases)) for run in found.get((name, n), [])]
+    results.runs = [run for run in results.runs if run.perturbation is None]  # their use is the power of comparisons
     results.engines = {name: results.engines[name] for name in names if name in results.engines}
     return results
 

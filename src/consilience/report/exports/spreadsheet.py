@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Iterator
+from math import inf
 from typing import Any
 
 from consilience.report.exports.digest import deciding
@@ -26,6 +27,7 @@ COLUMNS: dict[str, str] = {
     "difference": "its relative difference to the reference; empty: nothing compared, or not finite",
     "bar": "what was asked of it",
     "step": "finest step in s, or tolerance",
+    "power": "smallest errors that would have been noticed, relative, of an axis in rad; inf: any would pass",
     "order": "observed order of convergence",
     "horizon": "time in s up to which a motion is judged; empty: its end",
     "cpu": "CPU time of its runs in s",
@@ -55,6 +57,9 @@ def rows(record: Record) -> Iterator[dict[str, Any]]:
             "quantity": found.name,
             "difference": found.difference,
             "bar": found.bar,
+            "power": "; ".join(
+                f"{p['of']}: {inf if p['limit'] is None else p['limit']:.2g}" for p in comparison["power"]
+            ),
             "step": runs[-1]["step"] if runs else None,
             "cpu": sum(run["cpu"] for run in runs),
         }

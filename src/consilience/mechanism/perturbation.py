@@ -1,0 +1,204 @@
+"""Errors in the parameters of a mechanism: which parameters there are, and the mechanism with one of them off.
+
+A size is relative, but for a joint: its place is off by a multiple of the characteristic length of a body, its axis by
+an angle in rad. A joint is moved in both of its bodies at once, in the pose of a given state, so that this pose stays
+assembled. Errors that move the pose (ratios of couplings, drives, radii) are followed by assembly with the least
+displacement.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from consilience.errors import CannotAssemble
+from consilience.mechanism.assembly import assemble_positions, assemble_velocities
+from consilience.mechanism.constraints import free_directions
+from consilience.mechanism.functions import Function, Table
+from consilience.mechanism.model import GROUND, Frame, Joint, Mechanism, State
+from consilience.mechanism.observables import characteristic_length
+from consilience.mechanism.spatial import Array, quaternion_from_rotation_vector, rotation_from_quaternion
+
+GRAVITY, MASS, INERTIA, PLACE, AXIS, COEFFICIENT = KINDS = (
+    "gravity",
+    "mass",
+    "moment of inertia",
+    "joint place",
+    "joint axis",
+    "coefficient",
+)
+"""Kinds of parameters."""
+
+OBLIQUE = np.array([1.0, 2.0, 3.0]) / np.sqrt(14.0)
+"""Direction of a displaced joint, along no axis of the world."""
+
+_COEFFICIENTS: dict[str, tuple[str, ...]] = {
+    "springs": ("stiffness", "damping", "free_length", "actuator"),
+    "joint_springs": ("stiffness", "damping", "rest", "actuator"),
+    "loads": ("vector",),
+    "frictions": ("viscous", "coulomb"),
+    "controls": ("proportional", "integral", "derivative", "target"),
+    "drives": ("motion",),
+    "couplings": ("law",),
+    "rollings": ("radius", "rounding"),
+    "contacts": ("restitution", "friction"),
+}
+"""Coefficients of each group of elements."""
+
+_MOVING = ("drives", "couplings", "rollings")
+"""Groups of elements whose coefficients change the pose."""
+
+
+@dataclass(frozen=True)
+class Perturbation:
+    """A parameter that is off by a size; `of` names it: ``mass of body 'crank'``."""
+
+    kind: str
+    of: str
+    size: float
+
+
+@dataclass(frozen=True, eq=False)
+class PhysicalParameter:
+    """A parameter of a mechanism that may be wrong.
+
+    Attributes
+    ----------
+    kind : str
+        One of `KINDS`.
+    of : str
+        The parameter in words.
+    part : int
+        Number of the body, joint or element in its group.
+    change : callable
+        Function of a mechanism and a size that returns the mechanism with the parameter off.
+    moves : bool
+        Whether states of the mechanism violate the constraints of the changed one.
+    """
+
+    kind: str
+    of: str
+    part: int
+    change: Callable[[Mechanism, float], Mechanism]
+    moves: bool = False
+
+    def perturbed(
+        self, mechanism: Mechanism, states: Sequence[State], size: float
+    ) -> tuple[Mechanism, list[State]] | None:
+        """Return the mechanism with the parameter off, and its states nearest to the given ones.
+
+        None if there is no such mechanism that moves as freely: an axis that is tilted locks a loop of parallel axes.
+        """
+        changed = self.change(mechanism, size)
+        if not self.moves:
+            return changed, list(states)
+        try:
+            moved = [_assembled(changed, state) for state in states]
+        except CannotAssemble:
+            return None
+        freedom = free_directions(mechanism, states[0]).shape[1]
+        return (changed, moved) if free_directions(changed, moved[0]).shape[1] == freedom else None
+
+
+def _assembled(mechanism: Mechanism, state: State) -> State:
+    return assemble_velocities(mechanism, assemble_positions(mechanism, state))
+
+
+def physical_parameters(mechanism: Mechanism, start: State) -> Iterator[PhysicalParameter]:
+    """List the parameters of a mechanism; joints are moved in the pose of the state `start`."""
+    if np.any(mechanism.gravity):
+        yield PhysicalParameter(GRAVITY, "gravity", 0, lambda m, size: replace(m, gravity=(1.0 + size) * m.gravity))
+    for n, body in enumerate(mechanism.bodies):
+        yield PhysicalParameter(MASS, f"mass of body '{body.name}'", n, _of("bodies", n, "mass"))
+        yield PhysicalParameter(INERTIA, f"moments of inertia of body '{body.name}'", n, _of("bodies", n, "inertia"))
+    for n, joint in enumerate(mechanism.joints):
+        if joint.kind != "free":
+            yield PhysicalParameter(PLACE, f"place of joint '{joint.name}'", n, _joint(n, start, _displaced), True)
+            yield PhysicalParameter(AXIS, f"axis of joint '{joint.name}'", n, _joint(n, start, _tilted), True)
+    for group, names in _COEFFICIENTS.items():
+        for n, element in enumerate(getattr(mechanism, group)):
+            for name in names:
+                if _acts(getattr(element, name)):
+                    of = f"{name.replace('_', ' ')} of {group.removesuffix('s').replace('_', ' ')} '{element.name}'"
+                    yield PhysicalParameter(COEFFICIENT, of, n, _of(group, n, name), group in _MOVING)
+
+
+def _acts(value: Any) -> bool:
+    """Whether a coefficient is there and is not zero."""
+    if isinstance(value, Function):
+        return value.table is not None or bool(np.any(value.polynomial)) or bool(np.any(value.harmonics[:, 0]))
+    return value is not None and bool(np.any(value))
+
+
+def _scaled(value: Any, factor: float) -> Any:
+    if not isinstance(value, Function):
+        return factor * value
+    table = value.table and Table(value.table.x, factor * value.table.y, value.table.periodic)
+    return Function(factor * value.polynomial, value.harmonics * (factor, 1.0, 1.0), table)
+
+
+def _of(group: str, n: int, name: str) -> Callable[[Mechanism, float], Mechanism]:
+    """Return the change of a field of the n-th part of a group; smaller, as a restitution of one cannot be larger."""
+
+    def change(mechanism: Mechanism, size: float) -> Mechanism:
+        parts = list(getattr(mechanism, group))
+        parts[n] = replace(parts[n], **{name: _scaled(getattr(parts[n], name), 1.0 - size)})
+        return replace(mechanism, **{group: tuple(parts)})  # type: ignore[arg-type]
+
+    return change
+
+
+Place = tuple[Array, Array]
+"""Origin, m, and rotation matrix of a body in the world."""
+
+
+def _joint(
+    n: int, start: State, change_in: Callable[[Joint, Place, Place, float], Joint]
+) -> Callable[[Mechanism, float], Mechanism]:
+    """Return the change of the n-th joint, which moves in both bodies in the pose of the state."""
+
+    def change(mechanism: Mechanism, size: float) -> Mechanism:
+        joint = mechanism.joints[n]
+        length = characteristic_length(mechanism) if change_in is _displaced else 1.0
+        i, j = (_place(mechanism, start, name) for name in (joint.predecessor, joint.successor))
+        joints = list(mechanism.joints)
+        joints[n] = change_in(joint, i, j, size * length)
+        return replace(mechanism, joints=tuple(joints))
+
+    return change
+
+
+def _place(mechanism: Mechanism, state: State, body: str) -> Place:
+    if body == GROUND:
+        return np.zeros(3), np.eye(3)
+    k = mechanism.body_index[body]
+    return state.p_WB[k], state.R_WB[k]
+
+
+def _displaced(joint: Joint, i: Place, j: Place, distance: float) -> Joint:
+    """Move both frames by a distance in m."""
+    d = distance * OBLIQUE
+    F, M = Frame(joint.F.p + i[1].T @ d, joint.F.R), Frame(joint.M.p + j[1].T @ d, joint.M.R)
+    return replace(joint, F=F, M=M)
+
+
+def _tilted(joint: Joint, i: Place, j: Place, angle: float) -> Joint:
+    """Turn both frames about the origin of F by an angle in rad, across the axis of the joint."""
+    F, M = i[1] @ joint.F.R, j[1] @ joint.M.R
+    turn = rotation_from_quaternion(quaternion_from_rotation_vector(angle * (F[:, 0] + F[:, 1]) / np.sqrt(2.0)))
+    origin = i[0] + i[1] @ joint.F.p
+    arm = turn @ (j[0] + j[1] @ joint.M.p - origin)
+    return replace(
+        joint, F=Frame(joint.F.p, i[1].T @ turn @ F), M=Frame(j[1].T @ (origin + arm - j[0]), j[1].T @ turn @ M)
+    )
+
+
+def states_in_motion(mechanism: Mechanism, start: State, seed: int = 0) -> list[State]:
+    """Return the start, and the same pose with velocities changed by about 1 m/s and rad/s in the free directions."""
+    basis = free_directions(mechanism, start)
+    change = (basis @ np.random.default_rng(seed).normal(size=basis.shape[1])).reshape(-1, 6)
+    v, w = start.v_WB_W + change[:, :3], start.w_WB_W + change[:, 3:]
+    return [start, State(start.p_WB, start.quat_WB, v, w)]
