@@ -252,5 +252,13 @@ SITUATIONS = (
     Situation("an uncertain reference", lambda h, s: 0.0, U, "uncertain reference", spread=1e-7),
     Situation("a disputed reference", lambda h, s: 1e-4, U, "disputed reference", dispute="published value"),
     Situation("chaotic from the start", lambda h, s: 1e-3, U, "horizon", growth=np.full(41, 1e9)),
+    Situation(
+        "soft and saturated, a fifth remains",
+        lambda h, s: 0.4 + 2.0 * np.tanh(20.0 * s) * (s > 0.1) + s * (s < 0.1),
+        U,
+        "softness unclear",
+        soft=True,
+        profile=DEFAULT,
+    ),
     Situation("soft without order", lambda h, s: 1e-3 * np.sin(9 * s) + h**2, U, "softness unclear", soft=True),
 )

@@ -59,13 +59,13 @@ REFERENCE = motion()
 STEPS = (0.02, 0.01, 0.005)
 
 
-def judge(errors, order=2, digits=8, spread=0.0, turns=None):
+def judge(errors, order=2, digits=8, spread=0.0, turns=None, cpu=1.0):
     """Return the comparison for levels with given errors along z (relative to the size of the motion) and about x."""
     size = size_of_motion(MECHANISM, REFERENCE)
     method = Method("m", Route.NATIVE, order, (10, 20, 40)[: len(errors)])
     turns = turns or [0.0] * len(errors)
     runs = [
-        Run("c", "e", Question.TRAJECTORY, method, n, h, Status.ANSWERED, motion(size * e, turn), cpu=1.0 + n)
+        Run("c", "e", Question.TRAJECTORY, method, n, h, Status.ANSWERED, motion(size * e, turn), cpu=cpu + n)
         for n, (h, e, turn) in enumerate(zip(STEPS, errors, turns, strict=False))
     ]
     return compare_trajectory(MECHANISM, runs, ReferenceMotion(REFERENCE, np.full(len(TIMES), spread), digits))
@@ -211,6 +211,15 @@ def test_a_single_level_has_no_order_and_no_limit():
     found = judge([1e-3], order=2)
     assert found.verdict is Verdict.MODEL
     assert (found.order, found.self_order, found.band, found.limit_digits) == (None, None, None, None)
+
+
+def test_a_ladder_cut_short_blames_no_model_and_names_the_step_it_needs():
+    """Levels that take 2.5 s and more are followed by none: 5 s is the limit of a further one."""
+    for errors, words in (([1e-3], "a single level"), (powers(0.1, 1), "not asymptotic")):
+        found = judge(errors, order=2, cpu=2.5)
+        assert (found.verdict, found.rule) == (Verdict.UNRESOLVED, "not asymptotic")
+        assert words in found.why
+        assert f"the next level, at {STEPS[len(errors) - 1] / 2:.2g} s, would take" in found.why
 
 
 def test_levels_keep_their_step_cost_and_curve():

@@ -13,7 +13,7 @@ from consilience.audit.mutate.mutants import TRAPS
 from consilience.cli.explanations import Explanation, Topic, find_explanations, read_explanations
 from consilience.cli.main import app
 from consilience.compare import Verdict
-from consilience.compare.rules import RULES
+from consilience.compare.rules import INSTANT_RULES, RULES
 from consilience.engine import Profile, Question, Route
 from consilience.errors import InvalidInput
 from consilience.report.wording import CAUSES
@@ -35,7 +35,9 @@ def test_everything_that_reports_name_is_explained():
 
 
 def test_rules_and_traps_are_those_of_the_code():
-    assert {(e.name, e.rule) for e in read_explanations() if e.kind is Topic.RULE} == {(r.name, r.when) for r in RULES}
+    assert {(e.name, e.rule) for e in read_explanations() if e.kind is Topic.RULE} == {
+        (r.name, r.when) for r in RULES
+    } | set(INSTANT_RULES.items())
     assert {e.number: e.name for e in read_explanations() if e.kind is Topic.TRAP} == TRAPS
 
 

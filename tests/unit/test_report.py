@@ -12,7 +12,7 @@ import pytest
 
 from consilience.case import load_case
 from consilience.compare import Comparison, Verdict
-from consilience.compare.rules import RULES
+from consilience.compare.rules import INSTANT_RULES, RULES
 from consilience.engine import Profile, Question, Route
 from consilience.errors import InvalidInput
 from consilience.report import wording
@@ -371,7 +371,7 @@ def test_every_verdict_route_question_and_exit_code_has_its_words():
     assert set(wording.ROUTES) == set(Route)
     assert all(question.description for question in Question)
     assert set(wording.PROFILES) == set(Profile)
-    assert set(wording.CAUSES) == {rule.name for rule in RULES}
+    assert set(wording.CAUSES) == {rule.name for rule in RULES} | set(INSTANT_RULES)
     assert list(wording.CAUSES_BY_VERDICT) == list(Verdict)
     looks = list(wording.LOOKS.values())
     assert len({look.symbol for look in looks}) == len({look.key for look in looks}) == len(looks)

@@ -87,6 +87,9 @@ class Instants:
     weights : float, J
         Largest sum of the magnitudes of all potential energies of gravity, about the world origin.
     bodies : int
+    answers : int
+        Number of answers that rounding may put off by a bar: two where a formulation of the reference is compared with
+        another, each of which is as far from the truth as its rounding allows.
     """
 
     condition: Array
@@ -97,11 +100,12 @@ class Instants:
     spin: float
     weights: float
     bodies: int
+    answers: int = 1
 
     @property
     def rounding(self) -> Array:
         """Factor of the bars at each state, shape (n_s,)."""
-        return 1.0 + 4.0 * EPS * self.condition / Bars().acceleration
+        return self.answers * (1.0 + 4.0 * EPS * self.condition / Bars().acceleration)
 
     @classmethod
     def of(cls, mechanism: Mechanism, states: Sequence[State]) -> Instants:

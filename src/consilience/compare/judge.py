@@ -12,6 +12,7 @@ from dataclasses import replace
 
 from consilience.case import Case
 from consilience.compare.horizon import growth
+from consilience.compare.other_methods import reconsidered
 from consilience.compare.power import sensitivities
 from consilience.compare.published import against_published, dispute
 from consilience.compare.result import Comparison, Quantity, Verdict
@@ -44,6 +45,8 @@ def judge_case(case: Case, runs: Sequence[Run]) -> list[Comparison]:
                 # if a run with other softness failed, the levels are judged without softness; the record keeps that run
                 probed = all(run.status is Status.ANSWERED for run in softer)
                 found.append(judge.compare(levels, softer if probed else []))
+        if question is Question.INSTANT:
+            found = reconsidered(found)
     return found
 
 

@@ -23,6 +23,10 @@ LINEAR = 0.25
 """Largest difference of the levels that show an order, as a share of the most that motions can differ: an eighth of a
 turn, up to which a chord is in proportion to its angle within 3 %."""
 
+SATURATED = 1.0
+"""Largest difference in proportion to its cause, in sizes of the motion or rad; of a larger one softness has to explain
+as much as of this."""
+
 CLEAN = 0.1
 """Largest distance of the observed order from the declared one of levels that converge cleanly. Other levels need the
 safety factor of doubtful ones to blame a model."""
@@ -150,7 +154,7 @@ class Evidence:
         soft = self.softness
         if soft is None or not soft.matters(self.finest):
             return False
-        return soft.explains(self.finest, self.allowed, self.hard_limit)
+        return soft.explains(min(self.finest, SATURATED), self.allowed, self.hard_limit)
 
     @property
     def passes(self) -> float:
@@ -159,7 +163,7 @@ class Evidence:
             return self.allowed
         if self.converges_here:
             return self.largest_limit
-        return max(self.allowed, EXPLAINED * self.finest) if self.softness_explains else self.allowed
+        return max(self.allowed, EXPLAINED * min(self.finest, SATURATED)) if self.softness_explains else self.allowed
 
     @property
     def powerless(self) -> bool:
@@ -217,6 +221,12 @@ def _softness_text(e: Evidence) -> str:
         f"differs by {e.finest:.2g}, by {left:.2g} without softness{' and steps' if left < e.softness.limit else ''} "
         f"(order {e.softness.order:.2f} in it): the engine's constraints are soft"
     )
+
+
+def _not_asymptotic_text(e: Evidence) -> str:
+    if e.limit is None:
+        return f"differs by {e.finest:.2g} at a single level{e.cut}"
+    return f"observed order {e.observed}, declared {e.declared}: not asymptotic at these steps{e.cut}"
 
 
 RULES: tuple[Rule, ...] = (
@@ -299,7 +309,7 @@ RULES: tuple[Rule, ...] = (
         "no ladder",
         Verdict.MODEL,
         "there is no ladder of steps or tolerances that could explain the difference",
-        lambda e: e.limit is None,
+        lambda e: e.limit is None and not e.cut,
         lambda e: f"the finest level differs by {e.finest:.2g}, asked {e.asked:.0e}; no order to read",
     ),
     Rule(
@@ -321,7 +331,7 @@ RULES: tuple[Rule, ...] = (
         Verdict.UNRESOLVED,
         "the observed order is more than 0.5 off the declared one",
         lambda e: not e.asymptotic,
-        lambda e: f"observed order {e.observed}, declared {e.declared}: not asymptotic at these steps{e.cut}",
+        _not_asymptotic_text,
     ),
     Rule(
         "wide band",
@@ -338,6 +348,13 @@ RULES: tuple[Rule, ...] = (
         lambda e: f"{e.limit_text}: smaller steps lead elsewhere",
     ),
 )
+
+
+INSTANT_RULES: dict[str, str] = {
+    "solver": "the engine's own terms agree, and its solver or extrapolation misses the bar by two digits at most",
+    "tuning": "a wide bar passes a tuned method that is ten times worse than the engine's own settings",
+}
+"""Condition in words of the rules by which an instant is unresolved (`other_methods`)."""
 
 
 def rate_text(step: float, rate: float) -> str:

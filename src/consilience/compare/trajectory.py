@@ -193,6 +193,8 @@ class _Levels:
     def _cut(self) -> str:
         """Say why the ladder ended before its last level, and which step it would need."""
         run, step = self.runs[-1], self.steps[-1]
+        if run.method is None or uncertainty.declared_order(run.method) is None:
+            return ""
         if not step or len(self.runs) >= uncertainty.MOST_LEVELS or uncertainty.affordable(run.cpu):
             return ""
         return f"; the next level, at {step / 2.0:.2g} s, would take {2.0 * run.cpu:.1f} s of CPU time"

@@ -9,6 +9,7 @@ import numpy as np
 
 from consilience.case import Case
 from consilience.compare import Verdict
+from consilience.compare.judge import REFERENCE
 from consilience.mechanism import (
     Joint,
     JointSpring,
@@ -30,10 +31,11 @@ from consilience.report.wording import LOOKS
 def matrix(record: Record) -> tuple[list[str], list[tuple[str, list[str]]]]:
     """Return the engines, and for each case the worst verdict and the least digits of each engine.
 
-    Only matched methods count.
+    Only matched methods count; the reference is an engine where one of its formulations differs from another.
     """
-    engines = [name for name in record.header["engines"] if name != "reference"]
     rows, matched = [], [c for c in record.comparisons if is_matched(c)]
+    doubted = any(c["engine"] == REFERENCE and c["verdict"] != Verdict.AGREES for c in matched)
+    engines = [name for name in record.header["engines"] if name != REFERENCE or doubted]
     for case in record.cases:
         found = [[c for c in matched if (c["case"], c["engine"]) == (case["name"], e)] for e in engines]
         rows.append((case["name"], [_cell(comparisons) for comparisons in found]))

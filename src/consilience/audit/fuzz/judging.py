@@ -23,6 +23,7 @@ from consilience.case import Case
 from consilience.compare import Comparison, Verdict, compare_instant, compare_model
 from consilience.compare.instant import BARS, Bars, Instants
 from consilience.compare.judge import REFERENCE
+from consilience.compare.other_methods import reconsidered
 from consilience.engine import InstantAnswer, Method, ModelAnswer, Profile, Question, defects
 from consilience.engine.worker.requests import MethodAnswer
 from consilience.mechanism import characteristic_length
@@ -120,8 +121,8 @@ class _MechanismJudge:
                 yield self._judged(engine, answer, REFERENCE, Verdict.FAILED, _kind(defect), why)
                 continue
             sound.append(answer)
-            if engine != REFERENCE:
-                yield self._against_reference(engine, answer)
+        if engine != REFERENCE:
+            yield from self._against_reference(engine, sound)
         for one, other in combinations(sound, 2):
             if one.question is other.question and _profile(one) is _profile(other):
                 yield self._against_one_another(engine, one, other)
@@ -133,12 +134,17 @@ class _MechanismJudge:
         count = answer.question.sample_count(len(self.case.states))
         return "; ".join(defects(answer.answer, answer.question, self.case.mechanism, count))
 
-    def _against_reference(self, engine: str, answer: MethodAnswer) -> JudgedComparison:
-        expected = self.reference.get(answer.question)
-        if expected is None or answer.question in self.uncertain:
-            why = "the reference did not answer" if expected is None else "the reference differs from itself"
-            return self._judged(engine, answer, REFERENCE, Verdict.UNRESOLVED, "", why)
-        return self._compared(engine, answer, expected, REFERENCE)
+    def _against_reference(self, engine: str, answers: Sequence[MethodAnswer]) -> Iterator[JudgedComparison]:
+        """Compare all methods of an engine, whose own terms tell a solver from a model."""
+        certain = [a for a in answers if a.question in self.reference and a.question not in self.uncertain]
+        for answer in answers:
+            if answer not in certain:
+                unknown = answer.question not in self.reference
+                why = "the reference did not answer" if unknown else "the reference differs from itself"
+                yield self._judged(engine, answer, REFERENCE, Verdict.UNRESOLVED, "", why)
+        found = reconsidered([self._comparison(engine, a, self.reference[a.question]) for a in certain])
+        for answer, comparison in zip(certain, found, strict=True):
+            yield self._judged_by(engine, answer, comparison, REFERENCE)
 
     def _against_one_another(self, engine: str, one: MethodAnswer, other: MethodAnswer) -> JudgedComparison:
         """Compare two methods of an engine by the more lenient bars of the two."""
@@ -146,11 +152,17 @@ class _MechanismJudge:
         return self._compared(engine, lenient, strict, _name(strict))
 
     def _compared(self, engine: str, answer: MethodAnswer, other: MethodAnswer, against: str) -> JudgedComparison:
-        comparison = _COMPARISONS[answer.question](self, engine, answer.method, answer.answer, other.answer)
-        missed = next((q.name for q in comparison.quantities if not q.met), "")
-        excess = max((q.difference / q.bar if q.bar else q.difference) for q in comparison.quantities)
-        judged = self._judged(engine, answer, against, comparison.verdict, missed, comparison.why)
-        return replace(judged, digits=comparison.digits, excess=float(excess))
+        return self._judged_by(engine, answer, self._comparison(engine, answer, other), against)
+
+    def _comparison(self, engine: str, answer: MethodAnswer, other: MethodAnswer) -> Comparison:
+        found: Comparison = _COMPARISONS[answer.question](self, engine, answer.method, answer.answer, other.answer)
+        return found
+
+    def _judged_by(self, engine: str, answer: MethodAnswer, found: Comparison, against: str) -> JudgedComparison:
+        missed = next((q.name for q in found.quantities if not q.met), "")
+        excess = max((q.difference / q.bar if q.bar else q.difference) for q in found.quantities)
+        judged = self._judged(engine, answer, against, found.verdict, missed, found.why)
+        return replace(judged, digits=found.digits, excess=float(excess))
 
     def model(self, engine: str, method: Method, found: ModelAnswer, expected: ModelAnswer) -> Comparison:
         """Compare mass properties and degrees of freedom."""

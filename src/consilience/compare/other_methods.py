@@ -1,0 +1,69 @@
+"""Comparisons of an engine's methods at an instant, in the light of one another.
+
+A method misses its bar by the solver where the engine's own terms (mass matrix, bias forces, Jacobians), solved by the
+harness, agree at the same states: then the equations are those of the case, and what is lost is lost in their
+solution, or in an extrapolation that is not asymptotic. This is believed of two digits at most, `SOLVER`: an iterative
+solver stops, or a normal matrix squares a condition number; an ignored constraint shows in the first digits.
+
+A bar that grows with the condition of the equations may let a tuned method pass that is worse than the engine's own
+settings: such tuning is none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from consilience.compare.instant import BARS, SOFTENED, Bars
+from consilience.compare.result import Comparison, Quantity, Verdict
+from consilience.engine import Profile, Question, Route
+
+SOLVER = 100.0
+"""Largest ratio of a difference to its bar that a solver explains."""
+
+WORSE = 10.0
+"""Smallest ratio of the difference of a tuned method to that of the engine's own settings that counts as worse."""
+
+
+def reconsidered(found: Sequence[Comparison]) -> list[Comparison]:
+    """Return the comparisons with those of instants settled by the other methods of the same engine.
+
+    Parameters
+    ----------
+    found : sequence of Comparison
+        Comparisons of one case, of all engines and questions.
+    """
+    instants = [c for c in found if c.question is Question.INSTANT]
+    return [_settled(c, [o for o in instants if o.engine == c.engine and o is not c]) for c in found]
+
+
+def _settled(one: Comparison, others: Sequence[Comparison]) -> Comparison:
+    """Return a comparison, unresolved where the solver or the tuning is to blame."""
+    terms = [o for o in others if o.route is Route.HARNESS_SOLVE and o.verdict is Verdict.AGREES]
+    if terms and one.question is Question.INSTANT and _by_the_solver(one):
+        part = "its extrapolation" if one.route is Route.EXTRAPOLATED else "its solver"
+        why = f"{one.why}; the engine's own terms ({terms[0].method}) agree to {terms[0].digits:.1f} digits: {part}"
+        return replace(one, verdict=Verdict.UNRESOLVED, rule="solver", why=why)
+    own = [(a.difference, o.method) for o in others if o.profile is Profile.DEFAULT for a in _accelerations(o)]
+    for mine in _accelerations(one):
+        least, name = min(own, default=(float("inf"), ""))
+        if one.verdict is Verdict.AGREES and one.profile is Profile.MATCHED and _worse(one, mine, least):
+            why = f"{one.why}; by its own settings ({name}) the engine differs by {least:.2g}: tuning makes it worse"
+            return replace(one, verdict=Verdict.UNRESOLVED, rule="tuning", why=why)
+    return one
+
+
+def _by_the_solver(one: Comparison) -> bool:
+    missed = [q for q in one.quantities if not q.met]
+    return one.verdict is Verdict.MODEL and all(q.name in SOFTENED and q.difference <= SOLVER * q.bar for q in missed)
+
+
+def _worse(one: Comparison, mine: Quantity, least: float) -> bool:
+    """Whether a tuned method is worse than an untuned one, and beyond the bar of well-conditioned equations."""
+    tuned = one.route in (Route.TUNED, Route.EXTRAPOLATED)
+    bar = (BARS.get(one.route) if one.route else None) or Bars()
+    return tuned and mine.difference > max(WORSE * least, bar.acceleration)
+
+
+def _accelerations(one: Comparison) -> list[Quantity]:
+    return [q for q in one.quantities if q.name == "accelerations"] if one.question is Question.INSTANT else []
