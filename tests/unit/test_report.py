@@ -377,12 +377,12 @@ def test_every_verdict_route_question_and_exit_code_has_its_words():
     assert len({look.symbol for look in looks}) == len({look.key for look in looks}) == len(looks)
 
 
-def test_the_head_counts_cells_and_leaves_the_reference_out(everything):
+def test_the_head_counts_models_then_motions_and_leaves_the_reference_out(everything):
     view = page(everything)
     assert view.headline == (
-        "0 of 6 cells agree with the reference in every question and by every matched method; "
-        "1 differs by the step size alone, which smaller steps remove; 1 holds something the engine cannot represent; "
-        "2 differ in the model; 2 failed; 1 engine not available (gone)."
+        "1 of 4 cells agrees at model and instant; 1 holds something the engine cannot represent; "
+        "2 differ in the model; 1 failed. 0 of 2 motions reach the digits asked by the engine's best method; "
+        "1 differs by the step size alone, which smaller steps remove; 1 failed. 1 engine not available: gone."
     )
     assert view.exit_code == 1
     assert sum(cell.engine != "reference" for cell in view.cells) == 6
@@ -633,7 +633,7 @@ def test_a_cell_and_the_terminal_show_matched_methods_alone(soft):
         ((wording.NOT_ASKED, ""),),
         ((wording.LOOKS[Verdict.AGREES], "8.3"),),
     ]
-    assert view.headline.startswith("1 of 1 cell agree")
+    assert view.headline == "1 of 1 motion reaches the digits asked by the engine's best method."
     assert view.remarkable == []
     assert matrix(soft) == (["soft"], [("swing", ["✓ 8.3"])])
     assert [line.partition(":")[0] for line in legend(soft)] == ["✓ agrees"]
@@ -862,7 +862,7 @@ def test_a_cell_of_a_case_that_is_called_like_a_kind_of_element_has_an_address_o
 
 def test_a_report_without_cases_is_a_page_too():
     empty = record([], [], code=3)
-    assert "0 of 0 cells" in render_html(empty)
+    assert "nothing was compared." in render_html(empty)
     assert "There are none." in render_markdown(empty)
 
 

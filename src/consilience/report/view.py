@@ -7,7 +7,7 @@ quantity without a compared value is never shown as a difference of 0.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,9 +19,10 @@ from consilience.report.cells import Cell
 from consilience.report.defaults import Defaults, defaults_view
 from consilience.report.engines import EngineView, Group, engine_view
 from consilience.report.facts import Fact
+from consilience.report.headline import headline
 from consilience.report.record import Record
 from consilience.report.tables import MethodTable, method_tables
-from consilience.report.wording import EXIT_CODES, LOOKS, NOT_ASKED, RANK, ROUTES, YARDSTICK, Look, counted, phrase
+from consilience.report.wording import EXIT_CODES, LOOKS, NOT_ASKED, RANK, ROUTES, YARDSTICK, Look
 
 QUICKLY = "quickly (few states, the start of each motion, one method of each engine)"
 
@@ -76,10 +77,9 @@ def page(record: Record) -> Page:
     names = sorted(engines, key=lambda name: name == REFERENCE)
     cases = tuple(case_view(record, case, names) for case in record.cases)
     every = [cell for case in cases for cell in case.cells]
-    cells = [cell for cell in every if cell.engine != REFERENCE]
     code, quick = record.footer["exit_code"], bool(record.header.get("quick"))
     return Page(
-        headline=_headline(cells, record.header["missing"]),
+        headline=". ".join(headline(record)) + ".",
         status=EXIT_CODES.get(code, "unknown"),
         exit_code=code,
         again=record.again(),
@@ -98,17 +98,6 @@ def _engine(name: str, info: dict[str, str], cells: Sequence[Cell]) -> EngineVie
     facts = [Fact("version", info["version"]), Fact("adapter", info["adapter"])]
     facts += [Fact("remarks", info["remarks"])] if info["remarks"] else []
     return engine_view(name, facts, [c for c in cells if c.engine == name])
-
-
-def _headline(cells: Sequence[Cell], missing: Mapping[str, str]) -> str:
-    """State how many cells agree, the verdicts of the other cells, and the missing engines."""
-    count = Counter(cell.look.name for cell in cells)
-    agreeing = count[Verdict.AGREES]
-    parts = [f"{agreeing} of {counted(len(cells), 'cell')} {phrase(Verdict.AGREES, agreeing)}"]
-    parts += [f"{count[v]} {phrase(v, count[v])}" for v in LOOKS if v in count and v is not Verdict.AGREES]
-    if missing:
-        parts.append(f"{counted(len(missing), 'engine')} not available ({', '.join(missing)})")
-    return "; ".join(parts) + "."
 
 
 def _facts(header: dict[str, Any]) -> Iterator[Fact]:

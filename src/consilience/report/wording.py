@@ -71,7 +71,7 @@ LOOKS: dict[Verdict, Look] = {
 """Verdicts, best first."""
 
 PHRASES: dict[Verdict, tuple[str, str]] = {
-    Verdict.AGREES: ("agree", "with the reference in every question and by every matched method"),
+    Verdict.AGREES: ("agree", ""),
     Verdict.DISCRETISATION: ("differ", "by the step size alone, which smaller steps remove"),
     Verdict.REGULARISATION: ("differ", "by the softness of the engine's constraints"),
     Verdict.UNSUPPORTED: ("hold", "something the engine cannot represent"),
