@@ -1,5 +1,6 @@
 """Ladders of levels, bands, horizon and coverage, for known errors and known motions."""
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -114,6 +115,14 @@ def test_orders_are_read_from_the_finest_pair_that_rounding_does_not_hide():
     assert settled(1.5, 2)
     assert not settled(1.4, 2)
     assert not settled(None, 2)
+
+
+def test_motions_that_blew_up_warn_of_nothing():
+    """Their squares overflow."""
+    levels = [motion(x) for x in (1e200, 1e170, 1e160)]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert needs_another_level(levels, how(2, substeps=(10, 20, 40)), (0.02, 0.01, 0.005))
 
 
 # ---------------------------------------------------------------- horizon

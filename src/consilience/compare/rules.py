@@ -31,6 +31,9 @@ CLEAN = 0.1
 """Largest distance of the observed order from the declared one of levels that converge cleanly. Other levels need the
 safety factor of doubtful ones to blame a model."""
 
+JUMP = 1e9
+"""Angle in rad by which the direction of a spring turns in a step from which on it jumps."""
+
 RESOLVED = 1.0
 """Largest angle in rad by which the fastest mode may turn in a step: six steps in a period."""
 
@@ -358,8 +361,8 @@ INSTANT_RULES: dict[str, str] = {
 
 
 def rate_text(step: float, rate: float) -> str:
-    """Say which step resolves a rate."""
-    if math.isinf(rate):
+    """Say which step resolves a rate; nothing resolves a jump."""
+    if step * rate > JUMP:
         return "a spring passes its anchor, where its force jumps: no step resolves that"
     return f"a step of {step:.2g} s does not resolve the rate of {rate:.2g} 1/s: {RESOLVED / rate:.1g} s or less would"
 

@@ -252,11 +252,7 @@ def _spread(changes: Sequence[float]) -> float:
     return max(changes[-2:]) if len(changes) > 2 else np.inf
 
 
-# squares of a diverging motion overflow and count as infinite
-_BLOWN_UP = np.errstate(over="ignore", invalid="ignore")
-
-
-@_BLOWN_UP
+@uncertainty.BLOWN_UP
 def compare_trajectory(
     mechanism: Mechanism,
     runs: Sequence[Run],
@@ -328,7 +324,7 @@ class Prospect:
     rate: float = 0.0
 
     @classmethod
-    @_BLOWN_UP
+    @uncertainty.BLOWN_UP
     def of(cls, mechanism: Mechanism, runs: Sequence[Run], reference_motion: ReferenceMotion) -> Prospect:
         """Return the prospect of answered levels."""
         levels = _Levels(mechanism, runs, reference_motion)

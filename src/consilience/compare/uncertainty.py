@@ -54,6 +54,9 @@ LEVEL_BUDGET = 5.0
 
 EPS = float(np.finfo(float).eps)
 
+BLOWN_UP = np.errstate(over="ignore", invalid="ignore")
+"""Squares of a diverging motion overflow and count as infinite."""
+
 
 @dataclass(frozen=True)
 class Estimate:
@@ -90,9 +93,8 @@ def ratio_of(steps: Sequence[float | None]) -> float:
 
 
 def rms(values: Array) -> float:
-    """Return the root mean square; infinite where the squares overflow."""
-    with np.errstate(over="ignore"):
-        return float(np.sqrt(np.mean(values**2)))
+    """Return the root mean square."""
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def finest_order(errors: Sequence[float], ratio: float) -> float | None:
@@ -159,6 +161,7 @@ def affordable(cpu: float) -> bool:
     return 2.0 * cpu < LEVEL_BUDGET
 
 
+@BLOWN_UP
 def needs_another_level(answers: Sequence[TrajectoryAnswer], method: Method, steps: Sequence[float | None]) -> bool:
     """Whether the observed order differs from the declared one, so that a finer level may show it.
 
