@@ -2,6 +2,7 @@
 
 from consilience.compare import Verdict
 from consilience.report.record import Record
+from consilience.report.recordschema import FORMAT
 
 ENGINES = ("alpha", "beta_1")
 LONG = "name_with & 50 % of #specials$ ^~{}\\"
@@ -101,7 +102,7 @@ def record_of(comparisons, missing=None, engines=ENGINES, code=1):
     names = ("reference", *engines)
     header = {
         "record": "header",
-        "format": 2,
+        "format": FORMAT,
         "written": "2030-01-02T03:04:05+00:00",
         "elapsed": 1.0,
         "platform": "Linux",
@@ -114,4 +115,6 @@ def record_of(comparisons, missing=None, engines=ENGINES, code=1):
     }
     runs = [run_of(c, "core \x1b[31mdumped\x00" if c["verdict"] == Verdict.FAILED else "") for c in comparisons]
     footer = {"cases": len(cases), "runs": len(runs), "comparisons": len(comparisons), "exit_code": code}
-    return Record(header, [case_of(name, f"source of {name}") for name in cases], runs, list(comparisons), footer)
+    return Record.annotated(
+        header, [case_of(name, f"source of {name}") for name in cases], runs, list(comparisons), footer
+    )

@@ -88,7 +88,7 @@ class DartEngine:
 
     def info(self) -> EngineInfo:
         """Return name and version of DART and its adapter."""
-        return EngineInfo("dart", dartpy.__version__, "consilience_dart")
+        return EngineInfo("DART", dartpy.__version__, "consilience_dart")
 
     def unsupported(self, mechanism: Mechanism, question: Question) -> tuple[Unsupported, ...]:
         """Return features without a translation, and joint springs and dampers below zero.

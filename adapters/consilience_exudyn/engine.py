@@ -100,7 +100,7 @@ class ExudynEngine:
     def info(self) -> EngineInfo:
         """Return name and version of Exudyn and its adapter."""
         return EngineInfo(
-            name="exudyn",
+            name="Exudyn",
             version=exu.__version__,
             adapter="consilience_exudyn",
             remarks="redundant coordinates with Euler parameters; dependent constraint equations left out",

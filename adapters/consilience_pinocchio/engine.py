@@ -119,7 +119,7 @@ class PinocchioEngine:
 
     def info(self) -> EngineInfo:
         """Return name and version of Pinocchio and its adapter."""
-        return EngineInfo("pinocchio", pin.__version__, "consilience_pinocchio")
+        return EngineInfo("Pinocchio", pin.__version__, "consilience_pinocchio")
 
     def unsupported(self, mechanism: Mechanism, question: Question) -> tuple[Unsupported, ...]:
         """Return the features without a translation."""

@@ -14,6 +14,7 @@ from consilience.engine.worker.client import Request, replayable_job
 from consilience.engine.worker.server import replay
 from consilience.mechanism import Initial, Mechanism
 from consilience.suite import Resources, Store, run_suite
+from consilience.suite import store as store_module
 from consilience.suite.engine_runs import EngineCase
 from consilience.suite.store import FILE, StoredAnswer, StoreError
 from mechanisms import chain, states_of
@@ -133,6 +134,13 @@ def test_a_key_is_that_of_the_content(tmp_path, other):
     key = store.key(INFO, request())
     assert store.key(INFO, request()) == key  # a new object with the same numbers
     assert store.key(*other(request())) != key
+
+
+def test_a_key_holds_the_sources_of_the_adapter_however_the_engine_writes_its_name(tmp_path, monkeypatch):
+    digested = []
+    monkeypatch.setattr(store_module, "_sources", lambda package: digested.append(package) or package)
+    Store(tmp_path).key(replace(INFO, name="MuJoCo"), request())
+    assert "consilience_mujoco" in digested
 
 
 def test_what_is_kept_comes_back_bit_by_bit(cases, tmp_path):

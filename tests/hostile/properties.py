@@ -151,7 +151,7 @@ def fresh(folder):
     return folder
 
 
-WORDS = ("record", "written", "question", "route", "verdict", "profile", "status")
+WORDS = ("record", "written", "question", "route", "verdict", "profile", "status", "model", "motion", "failure")
 """Fields that hold words of the format; `questions` is a list of such."""
 
 NAMES = ("case", "engine", "method", "name")

@@ -8,6 +8,7 @@ import pytest
 from consilience.case import load_case
 from consilience.cli.commands.history import diff_statement, renamed
 from consilience.errors import InvalidInput
+from consilience.report.annotations import cell_lines
 from consilience.report.history.changes import changes
 from consilience.report.history.series import read_series, series_statement
 from consilience.report.record import read_record, write_record
@@ -30,6 +31,8 @@ def written(tmp_path, run):
     def writer(change=lambda _: None, name="report"):
         lines = copy.deepcopy(run)
         change(lines)
+        compared = [line for line in lines if line["record"] == "comparison"]
+        lines = [line for line in lines[:-1] if line["record"] != "cell"] + [*cell_lines(compared), lines[-1]]
         kinds = [line["record"] for line in lines]
         counted = (("cases", "case"), ("runs", "run"), ("comparisons", "comparison"))
         lines[-1].update({what: kinds.count(kind) for what, kind in counted})

@@ -14,7 +14,8 @@ import pytest
 from consilience.case import shipped_cases
 from consilience.compare import CODES, Verdict
 from consilience.report.exports import badge, bibtex, document, junit, latex, spreadsheet
-from consilience.report.exports.digest import cells, deciding
+from consilience.report.exports.digest import cells
+from consilience.report.selection import deciding
 from records import LONG, case_of, comparison, quantity, record_of
 
 

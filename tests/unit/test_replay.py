@@ -234,7 +234,7 @@ def test_replays_come_back_and_are_packed_into_the_page(folder):
     found = read_replay(folder)
     assert list(found) == [case.name]
     header, described, *_ = lines(Results([case], []), 0.0)
-    text = render_html(Record(header, [described], [], [], {"exit_code": 0}), found)
+    text = render_html(Record(header, [described], [], [], [], {"exit_code": 0}), found)
     assert 'id="replays"' in text
     assert read_replay(folder / "elsewhere") == {}
 
@@ -243,7 +243,7 @@ def test_a_case_called_engine_does_not_hide_the_page_of_an_engine():
     case = replace(load_case("engine"), name="engine")
     asked = Results([case], [], engines={"dart": EngineInfo("dart", "1", "1")})
     header, described, *_ = lines(asked, 0.0)
-    view = page(Record(header, [described], [], [], {"exit_code": 0}))
+    view = page(Record(header, [described], [], [], [], {"exit_code": 0}))
     anchors = [anchor for anchor, _ in fragments(view, {}, set())]
     assert len(set(anchors)) == len(anchors)
 

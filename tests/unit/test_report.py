@@ -22,6 +22,7 @@ from consilience.report.markdown import render_markdown
 from consilience.report.pages import write_pages
 from consilience.report.plots import compact, figures
 from consilience.report.record import Record, exit_code, lines
+from consilience.report.recordschema import FORMAT
 from consilience.report.selection import levels_of, method_of, probes_of
 from consilience.report.summary import legend, matrix
 from consilience.report.view import page
@@ -283,7 +284,7 @@ def record(parts, cases, missing=None, code=1):
     names = dict.fromkeys(["reference", *(r["engine"] for r in runs)])
     header = {
         "record": "header",
-        "format": 2,
+        "format": FORMAT,
         "written": "2026-01-02T03:04:05+00:00",
         "elapsed": 12.34,
         "platform": "Linux x86_64, 2 processors",
@@ -301,7 +302,7 @@ def record(parts, cases, missing=None, code=1):
         "comparisons": len(comparisons),
         "exit_code": code,
     }
-    return Record(header, cases, runs, comparisons, footer)
+    return Record.annotated(header, cases, runs, comparisons, footer)
 
 
 @pytest.fixture(scope="module")
@@ -867,7 +868,8 @@ def test_a_report_without_cases_is_a_page_too():
 
 
 def test_pages_are_written_beside_their_record(everything, tmp_path):
-    lines = [everything.header, *everything.cases, *everything.runs, *everything.comparisons, everything.footer]
+    e = everything
+    lines = [e.header, *e.cases, *e.runs, *e.comparisons, *e.cells, e.footer]
     (tmp_path / "report.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines), encoding="utf-8")
     write_pages(tmp_path)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["report.html", "report.jsonl", "report.md"]

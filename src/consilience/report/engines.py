@@ -2,26 +2,15 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cache
-from pathlib import Path
 
 from consilience.compare import Verdict
 from consilience.engine import Question
 from consilience.report.cells import Cell
 from consilience.report.facts import Fact
+from consilience.report.findings import KnownFinding, known_findings
 from consilience.report.wording import LOOKS, RANK, Look, anchor, counted
-
-
-@dataclass(frozen=True)
-class KnownFinding:
-    """A finding that a script of `reports/findings` shows with the engine alone."""
-
-    name: str
-    what: str
-    size: str
 
 
 @dataclass(frozen=True)
@@ -91,20 +80,3 @@ def _grouped(entries: Iterable[tuple[str, Look | None, Cell]]) -> tuple[Group, .
         found.setdefault((text, look), {})[cell.anchor] = cell
     groups = [Group(text, look, tuple(cells.values())) for (text, look), cells in found.items()]
     return tuple(sorted(groups, key=lambda g: (-RANK[g.look.name] if g.look else 0, -len(g.cells))))
-
-
-_ROW = re.compile(r"^\| \[(?P<name>\w+)\]\([^)]*\) \| (?P<engine>\w+) \| (?P<what>[^|]*?) \|(?: (?P<size>[^|]*?) \|)?$")
-
-
-@cache
-def known_findings() -> dict[str, tuple[KnownFinding, ...]]:
-    """Read the findings of each engine from the tables of `reports/findings/README.md`."""
-    packaged = Path(__file__).parents[1] / "findings.md"
-    path = packaged if packaged.is_file() else Path(__file__).parents[3] / "reports" / "findings" / "README.md"
-    found: dict[str, tuple[KnownFinding, ...]] = {}
-    for line in path.read_text(encoding="utf-8").splitlines():
-        row = _ROW.match(line)
-        if row:
-            one = KnownFinding(row["name"], row["what"].replace("`", ""), (row["size"] or "").replace("`", ""))
-            found[row["engine"].lower()] = (*found.get(row["engine"].lower(), ()), one)
-    return found

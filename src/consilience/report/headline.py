@@ -9,10 +9,10 @@ from typing import Any
 
 from consilience.compare import Verdict
 from consilience.compare.judge import REFERENCE
-from consilience.engine import Question, Route
+from consilience.engine import Question
 from consilience.report.record import Record
 from consilience.report.selection import grouped, is_matched
-from consilience.report.wording import LOOKS, RANK, Look, cause_of, counted, phrase, severity
+from consilience.report.wording import LOOKS, RANK, Look, cause_of, counted, phrase
 
 TO_LOOK_AT = (Verdict.FAILED, Verdict.MODEL, Verdict.UNRESOLVED)
 """Verdicts of cells that a reader looks at first, the gravest first."""
@@ -52,7 +52,7 @@ def headline(record: Record) -> tuple[str, ...]:
     models = [q for q in asked if not q.over_time]
     places = " and ".join(models)
     means = [_worst(found) for own in cells if (found := [c for c in own if c["question"] in models])]
-    motions = [best_motion(found) for own in cells if (found := [c for c in own if c["question"] not in models])]
+    motions = [c for own in cells for c in own if c["best"] and c["question"] not in models]
     missing = record.header["missing"]
     sentences = (
         *_counted(means, "cell", f"at {places}", ("agrees", "agree")),
@@ -66,12 +66,6 @@ def look_first(record: Record) -> tuple[CellCause, ...]:
     """List the cells that differ in the model, failed or are unresolved, the gravest first, each with its cause."""
     found = [c for c in map(_worst, _cells(record).values()) if c["verdict"] in TO_LOOK_AT]
     return tuple(_cause(c) for c in sorted(found, key=_gravity, reverse=True))
-
-
-def best_motion(comparisons: Comparisons) -> dict[str, Any]:
-    """Choose the most accurate motion of a cell, by an integrator of the engine's own if it has one."""
-    own = [c for c in comparisons if c["route"] != Route.HARNESS_INTEGRATOR]
-    return min(own or comparisons, key=lambda c: severity(c["verdict"], c["digits"]))
 
 
 def _cells(record: Record) -> dict[tuple[str, str], list[dict[str, Any]]]:

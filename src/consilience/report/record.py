@@ -1,4 +1,4 @@
-"""The record of a suite as JSON Lines: header, cases, runs, comparisons, footer.
+"""The record of a suite as JSON Lines: header, cases, runs, comparisons, cells, footer.
 
 Each line is a JSON object with a key ``record``. The footer comes last and counts the other lines: a record without
 its footer was cut off, and is refused. The record holds answers in full, but for the arrays of motions, which are NPZ
@@ -28,7 +28,8 @@ from consilience.compare import exit_code as exit_code_of
 from consilience.engine import Profile, Question, Run
 from consilience.errors import InvalidInput
 from consilience.mechanism import determinate_reactions
-from consilience.report.recordschema import FORMAT, checked, contradictions
+from consilience.report.annotations import Lines, annotated, cell_lines, failure_of
+from consilience.report.recordschema import FORMAT, READABLE, checked, contradictions
 from consilience.report.replay import replays
 from consilience.report.replayschema import NAME
 from consilience.report.selection import grouped, is_matched
@@ -46,7 +47,15 @@ class Record:
     cases: list[dict[str, Any]]
     runs: list[dict[str, Any]]
     comparisons: list[dict[str, Any]]
+    cells: list[dict[str, Any]]
     footer: dict[str, Any]
+
+    @classmethod
+    def annotated(cls, header: dict[str, Any], cases: Lines, runs: Lines, comparisons: Lines, footer: Any) -> Record:
+        """Annotate lines without annotations, and judge the cells."""
+        failures = [{**run, "failure": failure_of(run)} for run in runs]
+        compared = list(annotated(comparisons, cases))
+        return cls(header, list(cases), failures, compared, list(cell_lines(compared)), footer)
 
     @cached_property
     def _by_method(self) -> dict[tuple[str, ...], list[dict[str, Any]]]:
@@ -161,19 +170,22 @@ def _run(run: Run) -> dict[str, Any]:
     answer = shown = run.answer
     if run.question.over_time and answer is not None:
         shown = {"counters": answer.counters, "samples": len(answer.time)}
-    fields = {name: value for name, value in vars(run).items() if name != "perturbation"}
-    return {**fields, "record": "run", "answer": shown}
+    line = {name: value for name, value in vars(run).items() if name != "perturbation"}
+    line |= {"record": "run", "answer": shown}
+    return line | {"failure": failure_of(line)}
 
 
 def lines(results: Results, elapsed: float) -> Iterator[dict[str, Any]]:
     """List the lines of a record in order."""
     yield header(results, elapsed)
-    for case in results.cases:
-        yield _case(case, results.questions)
+    cases = [_plain(_case(case, results.questions)) for case in results.cases]
+    yield from cases
     for run in results.runs:
         yield _run(run)
-    for comparison in results.comparisons:
-        yield {"record": "comparison", **vars(comparison)}
+    comparisons = (_plain({"record": "comparison", **vars(comparison)}) for comparison in results.comparisons)
+    compared = list(annotated(list(comparisons), cases))
+    yield from compared
+    yield from cell_lines(compared)
     yield {
         "record": "footer",
         "cases": len(results.cases),
@@ -234,15 +246,16 @@ def read_record(folder: Path) -> Record:
     path = folder / "report.jsonl"
     if not path.is_file():
         raise InvalidInput(str(path), "there is no such report", "Give a folder that `consilience run` wrote.")
-    found: dict[str, list[dict[str, Any]]] = {k: [] for k in ("header", "case", "run", "comparison", "footer")}
+    found: dict[str, list[dict[str, Any]]] = {k: [] for k in ("header", "case", "run", "comparison", "cell", "footer")}
     again = "Run the suite again."
     for number, line in enumerate(bounded_text(path, LARGEST_FILE).removesuffix("\n").split("\n"), start=1):
         where = f"{path}: line {number}"
         try:
             raw = from_json(line.encode(), allow_inf_nan=False)
             # the format first: lines of another format need not match the schema
-            if number == 1 and isinstance(raw, dict) and raw.get("format", FORMAT) != FORMAT:
-                raise InvalidInput(str(path), f"its header is not of format {FORMAT}", again)
+            if number == 1 and isinstance(raw, dict) and raw.get("format", FORMAT) not in READABLE:
+                known = " or ".join(map(str, READABLE))
+                raise InvalidInput(str(path), f"its header is not of format {known}", again)
             record = checked(raw)
         except ValueError as error:
             raise InvalidInput(where, f"it is not a record of a report ({error})", again) from None
@@ -254,6 +267,8 @@ def read_record(folder: Path) -> Record:
     if footer is None or any(footer[k] != n for k, n in counted.items()):
         raise InvalidInput(str(path), "the report is cut off: its footer is missing or counts more", again)
     (header,) = found["header"]
-    for problem in contradictions(header, found["case"], found["run"], found["comparison"]):
+    for problem in contradictions(header, found["case"], found["run"], found["comparison"], found["cell"]):
         raise InvalidInput(str(path), f"it contradicts itself: {problem}", again)
-    return Record(header, found["case"], found["run"], found["comparison"], footer)
+    if header["format"] < FORMAT:
+        return Record.annotated(header, found["case"], found["run"], found["comparison"], footer)
+    return Record(header, found["case"], found["run"], found["comparison"], found["cell"], footer)

@@ -14,9 +14,15 @@ from pydantic_core import PydanticCustomError
 
 from consilience.compare import Verdict
 from consilience.engine import Profile, Question, Route, Status
+from consilience.engine.failures import FailureClass
+from consilience.report.annotations import cell_lines
 from consilience.report.fields import NameField, StrictModel, first_problem
 
-FORMAT = 2
+FORMAT = 3
+"""Format of a written record; a field with a new meaning, or without which pages lack something, makes another."""
+
+READABLE = (2, 3)
+"""Formats that are read: format 2 has no annotations and no cells, and is annotated when it is read."""
 
 LARGEST_MATRIX = 20_000
 """Largest product of cases and engines: no browser opens a page of more cells."""
@@ -72,7 +78,7 @@ class Header(_RecordModel):
     """First line: versions and platform."""
 
     record: Literal["header"]
-    format: Literal[FORMAT]  # type: ignore[valid-type]
+    format: Literal[READABLE]  # type: ignore[valid-type]
     written: Annotated[NameField, AfterValidator(_moment)]
     elapsed: SecondsField
     platform: NameField
@@ -153,6 +159,8 @@ class RunLine(_RecordModel):
     manifest: ManifestFields | None
     cpu: SecondsField
     log: TextField
+    failure: Annotated[FailureClass, _WORD] | None = None
+    """Class of a failure; absent in earlier records."""
 
     @model_validator(mode="after")
     def _account(self) -> RunLine:
@@ -239,6 +247,16 @@ class ComparisonLine(_RecordModel):
     power: list[PowerFields] = Field(default_factory=list)
     """Absent in earlier records."""
 
+    cause: NameField | None = None
+    """Key of the cause of the verdict; this and the fields below are absent in earlier records."""
+
+    best: bool | None = None
+    """Whether the method is the best of the engine at the question, see `annotations.annotated`."""
+
+    digits_asked: NumberField | None = None
+    finding: NameField | None = None
+    """Name of the known finding that shows."""
+
     @model_validator(mode="after")
     def _one_grid(self) -> ComparisonLine:
         sizes = {len(v) for level in self.levels for v in (level.difference, level.energy)}
@@ -251,6 +269,23 @@ class ComparisonLine(_RecordModel):
         return self
 
 
+class CellLine(_RecordModel):
+    """A cell of the matrix, see `annotations.cell_lines`; absent in earlier records."""
+
+    record: Literal["cell"]
+    case: NameField
+    engine: NameField
+    verdict: VerdictField
+    cause: NameField
+    model: VerdictField | None
+    motion: VerdictField | None
+    digits: NumberField | None
+    digits_asked: NumberField | None
+    method: NameField | None
+    own: bool | None
+    findings: list[NameField]
+
+
 class Footer(_RecordModel):
     """Last line: the number of the other lines; absent in a record that was cut off."""
 
@@ -261,10 +296,16 @@ class Footer(_RecordModel):
     exit_code: Literal[0, 1, 3]
 
 
-RecordLine = Annotated[Header | CaseLine | RunLine | ComparisonLine | Footer, Field(discriminator="record")]
+RecordLine = Annotated[Header | CaseLine | RunLine | ComparisonLine | CellLine | Footer, Field(discriminator="record")]
 _LINE: TypeAdapter[RecordLine] = TypeAdapter(RecordLine)
 
 Records = Sequence[dict[str, Any]]
+
+
+def record_schema() -> dict[str, Any]:
+    """Return the JSON Schema (draft 2020-12) of a line of ``report.jsonl``."""
+    about = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": f"Record of a run, format {FORMAT}"}
+    return about | _LINE.json_schema()
 
 
 def checked(line: object) -> dict[str, Any]:
@@ -282,7 +323,9 @@ def checked(line: object) -> dict[str, Any]:
         raise ValueError(first_problem(error, skip=1).removeprefix(": ")) from None
 
 
-def contradictions(header: dict[str, Any], cases: Records, runs: Records, comparisons: Records) -> Iterator[str]:
+def contradictions(
+    header: dict[str, Any], cases: Records, runs: Records, comparisons: Records, cells: Records
+) -> Iterator[str]:
     """List the contradictions between lines that are each valid."""
     names, engines = {case["name"] for case in cases}, set(header["engines"])
     if len(names) < len(cases):
@@ -305,3 +348,16 @@ def contradictions(header: dict[str, Any], cases: Records, runs: Records, compar
     }
     if any(c["levels"] and key not in known for c, key in zip(comparisons, judged, strict=True)):
         yield "a motion was compared that no run holds"
+    if header["format"] > READABLE[0]:
+        yield from _cell_contradictions(comparisons, cells)
+
+
+def _cell_contradictions(comparisons: Records, cells: Records) -> Iterator[str]:
+    """List cells that are not what their comparisons make them, and comparisons without annotations."""
+    if any(c["cause"] is None or c["best"] is None for c in comparisons):
+        yield "a comparison has no cause, or does not say whether it is the engine's best"
+    else:
+        expected = {(line["case"], line["engine"]): line["verdict"] for line in cell_lines(comparisons)}
+        found = {(cell["case"], cell["engine"]): cell["verdict"] for cell in cells}
+        if found != expected or len(cells) > len(found):
+            yield "the cells are not those of the comparisons"

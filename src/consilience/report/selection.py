@@ -1,4 +1,4 @@
-"""Select lines of a record: runs of a comparison, levels and probes, matched and default methods."""
+"""Select lines of a record: runs of a comparison, levels and probes, matched and default methods, what decides."""
 
 from __future__ import annotations
 
@@ -59,6 +59,39 @@ def judged_largest(comparison: dict[str, Any], level: dict[str, Any]) -> float |
     end = times[0] + horizon * (1.0 + 1e-9)
     judged = [d for t, d in zip(times, level["difference"], strict=True) if t <= end]
     return None if any(d is None for d in judged) else max(judged, default=0.0)
+
+
+@dataclass(frozen=True)
+class Deciding:
+    """The quantity with the largest ratio of difference to bar; None for a number that is absent or not finite."""
+
+    name: str
+    difference: float | None
+    bar: float | None
+
+
+def deciding(comparison: dict[str, Any], case: dict[str, Any]) -> Deciding:
+    """Return the quantity that decides a comparison.
+
+    For a motion: the largest difference of the finest level up to the horizon, and the digits asked.
+    """
+    if comparison["levels"]:
+        return Deciding("motion", judged_largest(comparison, comparison["levels"][-1]), 10.0 ** -case["digits"])
+    counted = [q for q in comparison["quantities"] if q["count"]]
+    if not counted:
+        return Deciding("", None, None)
+    worst = max(counted, key=_nearness)
+    return Deciding(worst["name"], worst["difference"], worst["bar"])
+
+
+def _nearness(quantity: dict[str, Any]) -> float:
+    """Return difference over bar; infinite if the difference is not finite, or if a bar of 0 is missed."""
+    difference, bar = quantity["difference"], quantity["bar"]
+    if difference is None:
+        return float("inf")
+    if not bar:
+        return float("inf") if difference else 0.0
+    return float(difference / bar)
 
 
 def mean_step(level: dict[str, Any], method: dict[str, Any], duration: float) -> float | None:

@@ -95,8 +95,9 @@ def _sources(package: str) -> str:
 
 
 def _code(engine: str) -> tuple[str, str]:
-    """Return digests of the sources of the harness and of an adapter."""
-    entry = installed().get(engine.partition(":")[0])
+    """Return digests of the sources of the harness and of an adapter; an engine may write its name in capitals."""
+    named = {name.casefold(): entry for name, entry in installed().items()}
+    entry = named.get(engine.partition(":")[0].casefold())
     return _sources("consilience"), _sources(entry.module.partition(".")[0]) if entry else ""
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from consilience.compare import Verdict
 from consilience.compare.judge import REFERENCE
 from consilience.report.record import Record
-from consilience.report.selection import grouped, is_matched, judged_largest
+from consilience.report.selection import grouped, is_matched
 from consilience.report.wording import severity
 
 
@@ -75,36 +75,3 @@ def engines(record: Record, reference: bool = False) -> list[str]:
     """List the engines that started; the reference is left out, or comes last."""
     names = [name for name in record.header["engines"] if name != REFERENCE]
     return [*names, REFERENCE] if reference and REFERENCE in record.header["engines"] else names
-
-
-@dataclass(frozen=True)
-class Deciding:
-    """The quantity with the largest ratio of difference to bar; None for a number that is absent or not finite."""
-
-    name: str
-    difference: float | None
-    bar: float | None
-
-
-def deciding(comparison: dict[str, Any], case: dict[str, Any]) -> Deciding:
-    """Return the quantity that decides a comparison.
-
-    For a motion: the largest difference of the finest level up to the horizon, and the digits asked.
-    """
-    if comparison["levels"]:
-        return Deciding("motion", judged_largest(comparison, comparison["levels"][-1]), 10.0 ** -case["digits"])
-    counted = [q for q in comparison["quantities"] if q["count"]]
-    if not counted:
-        return Deciding("", None, None)
-    worst = max(counted, key=_nearness)
-    return Deciding(worst["name"], worst["difference"], worst["bar"])
-
-
-def _nearness(quantity: dict[str, Any]) -> float:
-    """Return difference over bar; infinite if the difference is not finite, or if a bar of 0 is missed."""
-    difference, bar = quantity["difference"], quantity["bar"]
-    if difference is None:
-        return float("inf")
-    if not bar:
-        return float("inf") if difference else 0.0
-    return float(difference / bar)

@@ -13,9 +13,8 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from consilience.compare import Verdict
 from consilience.engine import Profile, Question
-from consilience.report.exports.digest import deciding
 from consilience.report.record import Record
-from consilience.report.selection import judged_largest, levels_of, method_of
+from consilience.report.selection import deciding, judged_largest, levels_of, method_of
 
 FORMAT = 1
 SCHEMA_ID = "urn:consilience:schema:results:1"

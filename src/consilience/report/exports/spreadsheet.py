@@ -8,9 +8,8 @@ from collections.abc import Iterator
 from math import inf
 from typing import Any
 
-from consilience.report.exports.digest import deciding
 from consilience.report.record import Record
-from consilience.report.selection import levels_of
+from consilience.report.selection import deciding, levels_of
 
 COLUMNS: dict[str, str] = {
     "case": "name of the case",
