@@ -57,7 +57,11 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
     "plot": (("consilience plot report four_bar --what convergence -o convergence.pdf", "a figure"),),
     "import": (("consilience import robot.urdf -o robot.toml", "a case from a robot"),),
     "translate": (("consilience translate four_bar -e ENGINE -o native", "the native model and its manifest"),),
-    "mutate": (("consilience mutate 3 --short", "one trap"), ("consilience mutate -e ENGINE", "all, in one engine")),
+    "mutate": (
+        ("consilience mutate 3 --short", "one trap"),
+        ("consilience mutate -e ENGINE", "all, in one engine"),
+        ("consilience mutate --power CASE", "stated power"),
+    ),
 }
 """Calls and their effects, by command."""
 

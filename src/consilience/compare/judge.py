@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Protocol
 
 from consilience.case import Case
 from consilience.compare.horizon import growth
@@ -26,6 +27,14 @@ DISPLACED_START = "displaced start"
 """Part of the names of the reference's motions from displaced states."""
 
 
+class Judge(Protocol):
+    """Judge of one question of one case, see `judges.QuestionJudge`."""
+
+    def compare(self, levels: Sequence[Run], softer: Sequence[Run]) -> Comparison:
+        """Compare the answers of an engine by one method with the reference."""
+        ...
+
+
 def judge_case(case: Case, runs: Sequence[Run]) -> list[Comparison]:
     """Compare all runs of a case with the reference, question by question."""
     found: list[Comparison] = []
@@ -35,19 +44,41 @@ def judge_case(case: Case, runs: Sequence[Run]) -> list[Comparison]:
             if run.question is question and not _auxiliary(run):
                 groups.setdefault((run.engine, run.method.name if run.method else ""), []).append(run)
         references = _references(runs, question)
-        judge = load_named(question.judge)(case, references, tuple(found)) if references and groups else None
+        judge = question_judge(case, runs, question, found) if groups else None
         for group in groups.values():
-            levels, softer = [r for r in group if not _softened(r)], [r for r in group if _softened(r)]
-            levels = stable_levels(case, levels)
-            if judge is None or any(run.status is not Status.ANSWERED for run in levels):
-                found.append(_without_answer(case, levels))
-            elif group[0] is not references[0]:  # the best reference is not compared with itself
-                # if a run with other softness failed, the levels are judged without softness; the record keeps that run
-                probed = all(run.status is Status.ANSWERED for run in softer)
-                found.append(judge.compare(levels, softer if probed else []))
+            if judge is None or group[0] is not references[0]:  # the best reference is not compared with itself
+                found.append(judge_method(case, judge, group))
         if question is Question.INSTANT:
             found = reconsidered(found)
     return found
+
+
+def question_judge(
+    case: Case, runs: Sequence[Run], question: Question, before: Sequence[Comparison] = ()
+) -> Judge | None:
+    """Return the judge of a question, by the runs of the reference; None without an answer of the reference.
+
+    Parameters
+    ----------
+    case : Case
+    runs : sequence of Run
+    question : Question
+    before : sequence of Comparison
+        Comparisons of the earlier questions.
+    """
+    references = _references(runs, question)
+    return load_named(question.judge)(case, references, tuple(before)) if references else None
+
+
+def judge_method(case: Case, judge: Judge | None, runs: Sequence[Run]) -> Comparison:
+    """Compare the runs of one engine by one method: levels, and the finest with other softness."""
+    levels, softer = [r for r in runs if not _softened(r)], [r for r in runs if _softened(r)]
+    levels = stable_levels(case, levels)
+    if judge is None or any(run.status is not Status.ANSWERED for run in levels):
+        return _without_answer(case, levels)
+    # if a run with other softness failed, the levels are judged without softness; the record keeps that run
+    probed = all(run.status is Status.ANSWERED for run in softer)
+    return judge.compare(levels, softer if probed else [])
 
 
 STABLE = 2.0

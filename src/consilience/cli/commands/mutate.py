@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 import typer
 
-from consilience.cli.options import CORES, require_folder
+from consilience.cli.options import CORES, chosen_cases, chosen_engines, require_folder
 
 
 def mutate(
@@ -23,6 +23,10 @@ def mutate(
     short: Annotated[bool, typer.Option("--short", help="One host, two magnitudes, few mechanisms.")] = False,
     mechanisms: Annotated[int, typer.Option(min=0, help="Random mechanisms that mutants are judged on.")] = 5,
     correct: Annotated[int, typer.Option(min=0, help="Random mechanisms that correct adapters are judged on.")] = 315,
+    power: Annotated[
+        list[str] | None,
+        typer.Option(metavar="CASE", help="Plant errors at 3 and 0.3 times the stated power of the cells; repeat it."),
+    ] = None,
     jobs: Annotated[int, typer.Option("-j", "--jobs", min=1, help="Worker processes.")] = CORES,
     limit: Annotated[float, typer.Option(min=1.0, help="Time limit of one mutant at one magnitude in s.")] = 300.0,
 ) -> None:
@@ -33,6 +37,8 @@ def mutate(
     from consilience.cli.terminal import print_table, progress_bar, say
 
     require_folder(output, "report")
+    if power:
+        _stated_power(power, engine, limit, output)
     chosen, hosts = plan.mutants_named(mutants or []), plan.hosts_named(engine or [])
     tasks, alarms = plan.short(chosen, hosts) if short else plan.full(chosen, hosts, mechanisms, correct)
     with progress_bar() as bar:
@@ -52,3 +58,22 @@ def mutate(
         say(f"false alarm: {alarm.host}, {alarm.subject}, {alarm.question}, {alarm.method}: {alarm.why}")
     say(f"report: {output / 'detection.md'}")
     raise typer.Exit(summary.exit_code(campaign))
+
+
+def _stated_power(names: list[str], engine: list[str] | None, limit: float, output: Path) -> NoReturn:
+    """Check the stated power of all cells of the cases by planted errors; ends the command."""
+    from consilience.audit.mutate import stated_power
+    from consilience.cli.terminal import err, say
+
+    cases, found = chosen_cases(names), []
+    for name in chosen_engines(engine):
+        for trial in stated_power.trials(cases, name, limit=limit):
+            found.append(trial)
+            err.print(
+                f"{trial.engine}, {trial.case}, {trial.question}, {trial.method}, {trial.stated.of}", soft_wrap=True
+            )
+    text = stated_power.table(found)
+    output.mkdir(parents=True, exist_ok=True)
+    (output / "power.md").write_text(text, encoding="utf-8")
+    say(text)
+    raise typer.Exit(stated_power.exit_code(found))
