@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
+from difflib import get_close_matches
 
 _UNSEEN = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff\ufffe\uffff]"
@@ -21,6 +23,20 @@ def visible(text: str) -> str:
 def _part(text: str) -> str:
     shown = visible(text).replace("\n", "\\n")
     return shown if len(shown) <= LONGEST else f"{shown[:LONGEST]}..."
+
+
+def nearest(name: str, known: Iterable[str], all_of_them: str) -> str:
+    """Name the known names that are nearest to one that is not known, then all of them.
+
+    Parameters
+    ----------
+    all_of_them : str
+        Noun for all names, in the plural and with a capital, such as ``Engines``.
+    """
+    names = list(known)
+    by_case = {one.casefold(): one for one in names}
+    near = [by_case[one] for one in get_close_matches(name.casefold(), by_case, n=3, cutoff=0.5)]
+    return (f"Nearest: {', '.join(near)}. " if near else "") + f"{all_of_them}: {', '.join(names)}."
 
 
 class ConsilienceError(Exception):

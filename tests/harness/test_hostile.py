@@ -13,7 +13,8 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 
-from consilience.cli.commands.report import print_matrix
+from consilience.cli.commands.report import state_report
+from consilience.cli.options import OutputFormat
 from consilience.errors import ConsilienceError
 from consilience.report.html import render_html
 from consilience.report.markdown import render_markdown
@@ -112,7 +113,7 @@ def test_text_of_a_report_stays_text_wherever_it_stands(payload, report, tmp_pat
         page, markdown = render_html(record), render_markdown(record)
         printed = io.StringIO()
         with redirect_stdout(printed):
-            print_matrix(tmp_path)
+            state_report(tmp_path, OutputFormat.TEXT)
     check_html(page, SCRIPT)
     check_markdown(markdown)
     check_terminal(printed.getvalue())

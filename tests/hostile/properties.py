@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 
 from consilience.case import Case, case_files, load_case
 from consilience.case.file.reader import load_file
-from consilience.cli.commands.report import print_matrix
+from consilience.cli.commands.report import state_report
 from consilience.cli.commands.validate import examine, text
+from consilience.cli.options import OutputFormat
 from consilience.engine import Question
 from consilience.errors import ConsilienceError
 from consilience.report import html
@@ -115,7 +116,7 @@ def warm(report=None, folder=None):
         html.render_html(read)
         render_markdown(read)
         with redirect_stdout(io.StringIO()):
-            print_matrix(folder)
+            state_report(folder, OutputFormat.TEXT)
 
 
 SCRIPT = html.environment().get_template("script.js.j2").render()
@@ -134,7 +135,7 @@ def swallow_report(raw, folder, other=None):
             markdown = render_markdown(record)
             printed = io.StringIO()
             with redirect_stdout(printed), redirect_stderr(printed):
-                print_matrix(own)
+                state_report(own, OutputFormat.TEXT)
         except ConsilienceError as error:
             check_terminal(str(error))
             return False

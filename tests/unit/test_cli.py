@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from importlib.metadata import version
 from pathlib import Path
 from types import SimpleNamespace as Namespace
 
@@ -14,6 +15,7 @@ import numpy as np
 import psutil
 import pytest
 
+from consilience.case import case_names
 from consilience.errors import InvalidInput
 
 GOOD = """
@@ -42,9 +44,9 @@ angle = 0.5
 """
 
 
-def consilience(*arguments, cwd):
+def consilience(*arguments, cwd, columns=200):
     command = [sys.executable, "-c", "from consilience.cli.main import main; main()", *arguments]
-    environment = os.environ | {"COLUMNS": "200", "NO_COLOR": "1"}
+    environment = os.environ | {"COLUMNS": str(columns), "NO_COLOR": "1"}
     return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False, timeout=300, env=environment)
 
 
@@ -76,10 +78,32 @@ def test_report_renders_the_same_pages_again_from_the_record(folder):
     assert (folder / "report" / "report.md").read_text() == before
 
 
+def test_a_run_ends_with_its_headline_and_says_what_it_replaces(folder):
+    told = consilience("report", "report", cwd=folder).stdout.splitlines()
+    assert told[-3:] == [
+        "1 of 1 cell agrees at model and instant.",
+        "1 of 1 motion reaches the digits asked by the engine's best method.",
+        "report: report/report.html",
+    ]
+    (folder / "other").mkdir()
+    (folder / "other" / "report.jsonl").write_text((folder / "report" / "report.jsonl").read_text())
+    call = ("run", "pendulum.toml", "-e", "reference", "-q", "model", "-o", "other")
+    done = consilience(*call, "-f", "json", cwd=folder)
+    assert "other holds the report of another run (1 case, pinocchio, reference), which this one" in done.stderr
+    assert json.loads(done.stdout)["exit_code"] == done.returncode == 0
+    assert "another run" not in consilience(*call, cwd=folder).stderr
+
+
 BAD = {
     "unknown case": (["run", "no_such_case"], "no_such_case", "double_pendulum"),
-    "unknown engine": (["run", "pendulum.toml", "-e", "adams"], "adams", "mujoco"),
-    "unknown question": (["run", "pendulum.toml", "-q", "why"], "why", "trajectory"),
+    "unknown engine": (["run", "pendulum.toml", "-e", "mujocco"], "mujocco", "Nearest: mujoco"),
+    "unknown question": (["run", "pendulum.toml", "-q", "instance"], "instance", "Nearest: instant."),
+    "unknown tag": (["list", "--tag", "tuor"], "tuor", "Nearest: tour"),
+    "unknown family": (["show", "window:count=3"], "window", "Nearest: windows."),
+    "unknown parameter": (["show", "windows:cuont=3"], "cuont", "Nearest: count."),
+    "unknown mutant": (["mutate", "999"], "999", "Mutants: "),
+    "unknown case of a report": (["plot", "report", "pendlum"], "pendlum", "Nearest: pendulum."),
+    "words that no case has": (["list", "gear_par"], "gear_par", "Nearest: gear_pair"),
     "missing file": (["run", "no.toml"], "no.toml", "cannot be read"),
     "bad file ending": (["simulate", "pendulum.toml", "-o", "x.xls"], "x.xls", ".npz"),
     "sample that does not divide": (
@@ -160,8 +184,24 @@ def test_schema_accepts_the_shipped_names(folder):
     assert set(schema["required"]) == {"title", "sources", "gravity", "body", "joint"}
 
 
-def test_list_and_show_work_from_any_folder(tmp_path):
-    assert "four_bar" in consilience("list", cwd=Path(tmp_path)).stdout
+def test_list_gives_each_case_one_line_of_80_columns_and_takes_words_and_tags(tmp_path):
+    lines = consilience("list", cwd=tmp_path, columns=80).stdout.splitlines()
+    assert max(map(len, lines)) <= 80
+    for name in case_names():
+        assert len([line for line in lines if line.split()[:1] == [name]]) == 1
+    found = json.loads(consilience("list", "GEAR", "lumpy", "-f", "json", cwd=tmp_path).stdout)
+    assert [case["name"] for case in found["cases"]] == ["bevel_gears"]
+    assert "gear_pair" in consilience("list", "gear", cwd=tmp_path).stdout
+    tour = json.loads(consilience("list", "--tag", "tour", "-f", "json", cwd=tmp_path).stdout)
+    assert all("tour" in case["tags"] for case in tour["cases"])
+    assert "engines" not in tour
+
+
+def test_the_version_is_that_of_the_package(tmp_path):
+    assert consilience("--version", cwd=tmp_path).stdout == f"consilience {version('consilience')}\n"
+
+
+def test_show_works_from_any_folder(tmp_path):
     shown = consilience("show", "four_bar", cwd=Path(tmp_path)).stdout
     assert "1 degree of freedom, 20 constraint rows, 3 of them dependent" in shown
 

@@ -9,6 +9,7 @@ from consilience.case import load_case
 from consilience.cli.commands.history import diff_statement, renamed
 from consilience.errors import InvalidInput
 from consilience.report.annotations import cell_lines
+from consilience.report.columns import wrapped
 from consilience.report.history.changes import changes
 from consilience.report.history.series import read_series, series_statement
 from consilience.report.record import read_record, write_record
@@ -200,15 +201,12 @@ def test_a_series_is_in_the_order_of_its_dates_and_leaves_out_what_is_cut_off(wr
         read_series(tmp_path / "a" / "nowhere")
 
 
-def test_names_in_a_table_for_the_terminal_are_not_broken_while_there_is_room(monkeypatch):
+@pytest.mark.parametrize("width", [200, 80, 40, 12])
+def test_no_word_of_a_table_or_a_sentence_is_broken_at_any_width(monkeypatch, width):
     rows = [("closed_forms", "physical_pendulum-rotating", "1", "revolute", "a title of quite a number of words")]
-    sheet = Statement([], [("cases", ("group", "name", "bodies", "joints", "title"), rows)], {})
-    monkeypatch.setenv("COLUMNS", "80")
+    sheet = Statement(["one sentence"], [("cases", ("group", "name", "bodies", "joints", "title"), rows)], {})
+    monkeypatch.setenv("COLUMNS", str(width))
     shown = WRITERS["text"](sheet)
-    assert " physical_pendulum-rotating " in shown
-    assert max(map(len, shown.splitlines())) <= 80
-    monkeypatch.setenv("COLUMNS", "30")
-    narrow = WRITERS["text"](sheet)
-    assert "physical_pendulum-rotating" not in narrow  # wrapped, not truncated
-    letters = {letter for line in narrow.splitlines() for letter in line}
-    assert "…" not in letters
+    assert set(" ".join(rows[0]).split()) <= set(shown.split())
+    assert max(map(len, shown.splitlines())) <= max(width, len("name: physical_pendulum-rotating") + 2)
+    assert [line for line in wrapped("  two words", 8).splitlines()] == ["  two", "    words"]

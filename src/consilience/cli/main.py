@@ -7,10 +7,10 @@ import gc
 import os
 import sys
 from importlib import import_module
-from typing import Any
+from importlib.metadata import version as version_of
+from typing import Annotated, Any
 
 import typer
-from rich.markup import escape
 
 from consilience.cli.examples import EXAMPLES, START, epilog
 from consilience.errors import ConsilienceError
@@ -88,6 +88,12 @@ class _Commands(typer.core.TyperGroup):
         return name, command, rest
 
 
+def _tell_version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"consilience {version_of('consilience')}")
+        raise typer.Exit
+
+
 app = typer.Typer(
     cls=_Commands,
     help="Ask several multibody engines the same question and judge the answers.",
@@ -97,6 +103,15 @@ app = typer.Typer(
 )
 for _name, (_, _help) in LAZY_COMMANDS.items():
     app.command(_name, cls=_LazyCommand, help=_help)(lambda: None)
+
+
+@app.callback()
+def _program(
+    version: Annotated[
+        bool, typer.Option("--version", is_eager=True, callback=_tell_version, help="Print the version, and end.")
+    ] = False,
+) -> None:
+    del version
 
 
 def main() -> None:
@@ -109,7 +124,7 @@ def main() -> None:
     try:
         app()
     except ConsilienceError as error:
-        from consilience.cli.terminal import err
+        from consilience.cli.terminal import err, say
 
-        err.print(f"consilience: {escape(str(error))}", style="red", soft_wrap=True, highlight=False)
+        say(f"consilience: {error}", err, "red")
         sys.exit(2)

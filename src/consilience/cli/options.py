@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from consilience.errors import InvalidInput
+from consilience.errors import InvalidInput, nearest
 
 if TYPE_CHECKING:
     from consilience.case import Case
@@ -53,10 +53,10 @@ AnyCaseName = Annotated[
 ]
 CaseNames = Annotated[
     list[str] | None,
-    typer.Argument(metavar="[CASE]...", help="Names or case files; default: all.", autocompletion=_cases_like),
+    typer.Argument(metavar="CASE", help="Names or case files; default: all.", autocompletion=_cases_like),
 ]
 CaseFiles = Annotated[
-    list[str], typer.Argument(metavar="FILE...", help="Case files, names, or families.", autocompletion=_cases_like)
+    list[str], typer.Argument(metavar="FILE", help="Case files, names, or families.", autocompletion=_cases_like)
 ]
 EngineNames = Annotated[
     list[str] | None,
@@ -74,6 +74,7 @@ Jobs = Annotated[int, typer.Option("-j", "--jobs", min=1, help="Engines that wor
 JobLimit = Annotated[float, typer.Option(min=0.1, help="Time limit of one job in s.")]
 MessageLimit = Annotated[float, typer.Option(min=0.1, help="Time limit of one message to an engine in s.")]
 TablesFile = Annotated[Path | None, typer.Option("-o", "--output", help="Markdown file for the tables.")]
+Tags = Annotated[list[str] | None, typer.Option("--tag", help="Only cases with this tag or of this group; repeat it.")]
 ReportFolder = Annotated[Path, typer.Argument(help="Folder of a report.")]
 Verbose = Annotated[bool, typer.Option("-v", "--verbose", help="Say on stderr what happens, and when.")]
 Form = Annotated[OutputFormat, typer.Option("-f", "--format", help="How to write it.")]
@@ -97,7 +98,7 @@ def tagged_cases(cases: list[Case], tags: list[str] | None) -> list[Case]:
     for tag in tags or []:
         if not any(tag in (case.group, *case.tags) for case in cases):
             known = sorted({name for case in cases for name in (case.group, *case.tags) if name})
-            raise InvalidInput(f"tag '{tag}'", "no chosen case has it", f"Tags and groups: {', '.join(known)}.")
+            raise InvalidInput(f"tag '{tag}'", "no chosen case has it", nearest(tag, known, "Tags and groups"))
     return [case for case in cases if not tags or set(tags) & {case.group, *case.tags}]
 
 
@@ -117,7 +118,7 @@ def chosen_questions(names: list[str] | None) -> list[Question]:
     known = [str(q) for q in Question]
     for name in names or []:
         if name not in known:
-            raise InvalidInput(f"question '{name}'", "it is not one we know", f"Questions: {', '.join(known)}.")
+            raise InvalidInput(f"question '{name}'", "it is not one we know", nearest(name, known, "Questions"))
     return [q for q in Question if not names or str(q) in names]
 
 

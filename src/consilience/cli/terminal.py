@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import json
 import logging
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 from rich.console import Console
-from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-from rich.table import Table
 
 from consilience.errors import visible
+from consilience.report.columns import columns, wrapped
+
+if TYPE_CHECKING:
+    from consilience.report.statement import Statement
 
 out, err = Console(), Console(stderr=True)
 
@@ -19,23 +24,34 @@ BAR = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), Time
 BAR_OF_ENGINE = (*BAR, TextColumn("left"), TimeRemainingColumn(), TextColumn("{task.fields[last]}"))
 
 
-def say(text: str) -> None:
-    """Print text to standard output as it is: neither wrapped nor highlighted."""
-    out.print(text, soft_wrap=True, highlight=False, markup=False)
+def say(text: str, console: Console = out, style: str | None = None) -> None:
+    """Print text without highlights: in a terminal wrapped at blanks, into a file or a pipe as it is."""
+    shown = wrapped(text, console.width) if console.is_terminal else text
+    console.print(shown, soft_wrap=True, highlight=False, markup=False, style=style)
 
 
 def print_table(heads: Sequence[str], rows: Sequence[Sequence[str]], title: str) -> None:
-    """Print a table with a title."""
-    table = Table(*map(escape, heads), title=title)
-    for row in rows:
-        table.add_row(*map(escape, row))
-    out.print(table)
+    """Print a table with a title, no wider than the terminal."""
+    cells = [[visible(cell) for cell in row] for row in rows]
+    say(f"{title}\n{columns([visible(head) for head in heads], cells, out.width)}")
+
+
+def write_json(data: object) -> None:
+    """Write data to standard output as JSON."""
+    sys.stdout.write(json.dumps(data, indent=2, allow_nan=False, default=str) + "\n")
+
+
+def state(statement: Statement, form: str) -> None:
+    """Write a statement to standard output in a format."""
+    from consilience.report.statement import WRITERS
+
+    sys.stdout.write(WRITERS[form](statement))
 
 
 def print_missing(missing: Mapping[str, str]) -> None:
     """Print to standard error the engines that did not start, and the reasons."""
     for name, reason in missing.items():
-        err.print(f"{escape(visible(name))}: not available: {escape(visible(reason))}")
+        say(visible(f"{name}: not available: {reason}"), err)
 
 
 def progress_bar(silent: bool = False) -> Progress:

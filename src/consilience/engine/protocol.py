@@ -29,7 +29,7 @@ from consilience.engine.answers import (
 )
 from consilience.engine.installation import adapter_file, lacks_engine, pip_requirement
 from consilience.engine.questions import Question
-from consilience.errors import InvalidInput, require
+from consilience.errors import InvalidInput, nearest, require
 from consilience.mechanism import Array, Mechanism, State
 
 GROUP = "consilience.engines"
@@ -215,7 +215,9 @@ def require_installed(name: str) -> None:
     require(name, str, "engine", "Give the name of an engine.")
     known = installed()
     if split_name(name)[0] not in known:
-        raise InvalidInput(f"engine '{name}'", "it is not installed", f"Installed engines: {', '.join(known)}.")
+        raise InvalidInput(
+            f"engine '{name}'", "it is not installed", nearest(split_name(name)[0], known, "Installed engines")
+        )
 
 
 def feature_names(joints: str, elements: str) -> frozenset[str]:

@@ -234,6 +234,34 @@ def _write_arrays(results: Results, folder: Path) -> None:
             np.savez_compressed(target, time=a.time, **about, **arrays)  # type: ignore[arg-type]
 
 
+def read_question(folder: Path) -> dict[str, Any]:
+    """Read what a report of a folder asked, from its first lines: cases, engines, questions, and whether quickly.
+
+    Raises
+    ------
+    InvalidInput
+        If the lines are not those of a report.
+    """
+    path = folder / "report.jsonl"
+    cases, header = set[str](), dict[str, Any]()
+    with path.open(encoding="utf-8", errors="replace") as handle:
+        for line in handle:
+            try:
+                raw = checked(from_json(line.encode()))
+            except ValueError as error:
+                raise InvalidInput(str(path), f"it is no report ({error})", "Run the suite again.") from None
+            if raw["record"] not in ("header", "case"):
+                break
+            header = header or raw
+            cases |= {raw["name"]} if raw["record"] == "case" else set()
+    return {
+        "cases": cases,
+        "engines": {*header["engines"], *header["missing"]},
+        "questions": set(header["questions"]),
+        "quick": bool(header.get("quick")),
+    }
+
+
 def read_record(folder: Path) -> Record:
     """Read ``report.jsonl`` of a folder.
 

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from shutil import get_terminal_size
 from typing import Any
-
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
 from consilience.compare import markdown_table
 from consilience.errors import visible
+from consilience.report.columns import columns, wrapped
 from consilience.report.markdown import escaped
-
-LEAST_WIDTH = 8
-"""Least width of a column in a terminal, in characters, with its line and its blanks."""
 
 
 @dataclass(frozen=True)
@@ -38,31 +34,14 @@ class Statement:
 
 
 def _text(statement: Statement) -> str:
-    """Write text for a pipe or a terminal, as wide as the terminal; no cell is cut off."""
-    console = Console(highlight=False)
-    with console.capture() as captured:
-        for sentence in statement.sentences:
-            console.print(escape(visible(sentence)), soft_wrap=True)
-        for title, heads, rows in statement.tables:
-            table = Table(title=escape(title), title_justify="left")
-            for head, unbroken in zip(heads, _unbroken(heads, rows, console.width), strict=True):
-                table.add_column(escape(visible(head)), overflow="fold", no_wrap=unbroken)
-            for row in rows:
-                table.add_row(*(escape(visible(cell)) for cell in row))
-            if rows:
-                console.print(table)
-    return captured.get()
-
-
-def _unbroken(heads: Sequence[str], rows: Sequence[Sequence[str]], width: int) -> list[bool]:
-    """Choose the columns of names to keep unbroken, since readers copy names: the narrowest first, while all fit."""
-    columns = [[visible(row[n]) for row in rows] for n in range(len(heads))]
-    widths = [max(map(len, (head, *column))) + 3 for head, column in zip(heads, columns, strict=True)]
-    chosen, left = [False] * len(heads), width - LEAST_WIDTH * len(heads)
-    for n in sorted(range(len(heads)), key=widths.__getitem__):
-        if not any(" " in cell for cell in columns[n]) and (more := max(widths[n] - LEAST_WIDTH, 0)) <= left:
-            chosen[n], left = True, left - more
-    return chosen
+    """Write text for a pipe or a terminal, tables as wide as the terminal; no word is broken."""
+    width, to_terminal = get_terminal_size().columns, sys.stdout.isatty()
+    parts = [wrapped(visible(line), width) if to_terminal else visible(line) for line in statement.sentences]
+    for title, heads, rows in statement.tables:
+        if rows:
+            cells = [[visible(cell) for cell in row] for row in rows]
+            parts += ["", visible(title), columns([visible(head) for head in heads], cells, width)]
+    return "\n".join(parts) + "\n"
 
 
 def _markdown(statement: Statement) -> str:

@@ -10,7 +10,7 @@ from consilience.audit.mutate.mutants import Mutant
 from consilience.audit.mutate.subjects import CASES, MOTIONS, random_subjects
 from consilience.audit.mutate.table import HOSTS, MUTANTS
 from consilience.engine import Question, beside_adapter, installed
-from consilience.errors import InvalidInput
+from consilience.errors import InvalidInput, nearest
 
 FIRST_SEED = 1000
 """First seed of the random mechanisms of mutants; those of the correct adapters start at zero."""
@@ -37,7 +37,7 @@ def mutants_named(names: Sequence[str]) -> list[Mutant]:
     for name in names:
         found = [m for m in MUTANTS.values() if name in (m.name, str(m.trap))]
         if not found:
-            raise InvalidInput(f"mutant '{name}'", "there is none", f"Mutants: {', '.join(MUTANTS)}.")
+            raise InvalidInput(f"mutant '{name}'", "there is none", nearest(name, MUTANTS, "Mutants"))
         chosen += found
     return chosen or list(MUTANTS.values())
 
@@ -53,7 +53,7 @@ def hosts_named(names: Sequence[str]) -> list[str]:
         if name in installed():
             beside_adapter(installed()[name], "mutants")  # the error of a missing engine says how to install it
         if name not in HOSTS:
-            raise InvalidInput(f"engine '{name}'", "nothing is planted in it", f"Hosts: {', '.join(HOSTS)}.")
+            raise InvalidInput(f"engine '{name}'", "nothing is planted in it", nearest(name, HOSTS, "Hosts"))
     return list(names or HOSTS)
 
 

@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 import numpy as np
 
 from consilience.case.file.values import TomlTable
-from consilience.errors import InvalidInput
+from consilience.errors import InvalidInput, nearest
 
 Family = Callable[..., TomlTable]
 
@@ -99,7 +99,7 @@ def read_name(name: str, families: Mapping[str, Family]) -> tuple[str, dict[str,
     """
     family, _, text = name.partition(":")
     if family not in families:
-        raise InvalidInput(f"case '{name}'", f"there is no family '{family}'", f"Families: {', '.join(families)}.")
+        raise InvalidInput(f"case '{name}'", f"there is no family '{family}'", nearest(family, families, "Families"))
     known, given = parameters(families[family]), {}
     for part in text.split(",") if text.strip() else []:
         key, equals, value = (piece.strip() for piece in part.partition("="))
@@ -109,7 +109,7 @@ def read_name(name: str, families: Mapping[str, Family]) -> tuple[str, dict[str,
                 where, f"'{part}' gives no value", f"Write {family}:{shown_parameters(families[family])}."
             )
         if key not in known:
-            raise InvalidInput(where, f"the family {family} has no such parameter", f"It has: {', '.join(known)}.")
+            raise InvalidInput(where, f"the family {family} has no such parameter", nearest(key, known, "It has"))
         if key in given:
             raise InvalidInput(where, "it is given twice", "Give it once.")
         given[key] = known[key].read(value, where)

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from consilience.cli.options import Form, OutputFormat
-from consilience.errors import InvalidInput
+from consilience.errors import InvalidInput, nearest
 from consilience.report.history.changes import DIGITS, change_table, changes, count_effects, plain
 from consilience.report.history.series import read_series, series_statement
 from consilience.report.record import Record, read_record
@@ -37,8 +37,8 @@ def renamed(pairs: list[str], before: Record, after: Record) -> dict[str, str]:
         old, _, new = pair.partition("=")
         for name, record in ((old, before), (new, after)):
             if name not in record.header["engines"]:
-                known = ", ".join(record.header["engines"])
-                raise InvalidInput(f"--as {pair}", f"the report has no engine '{name}'", f"Engines: {known}.")
+                known = nearest(name, record.header["engines"], "Engines")
+                raise InvalidInput(f"--as {pair}", f"the report has no engine '{name}'", known)
         found[old] = new
     return found
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -12,9 +12,12 @@ from consilience.cli.options import (
     CORES,
     CaseNames,
     EngineNames,
+    Form,
     JobLimit,
     Jobs,
+    OutputFormat,
     QuestionNames,
+    Tags,
     Verbose,
     chosen_cases,
     chosen_engines,
@@ -23,15 +26,33 @@ from consilience.cli.options import (
     require_folder,
     tagged_cases,
 )
+from consilience.errors import InvalidInput
+
+
+def tell_replaced(folder: Path, asked: dict[str, Any]) -> None:
+    """Say on standard error where a folder holds a report of something else, which the run is going to replace."""
+    from consilience.cli.terminal import err, say
+    from consilience.errors import visible
+    from consilience.report.record import read_question
+    from consilience.report.wording import counted
+
+    if not (folder / "report.jsonl").is_file():
+        return
+    try:
+        before = read_question(folder)
+        about = f"{counted(len(before['cases']), 'case')}, {', '.join(sorted(before['engines']))}"
+    except InvalidInput:
+        before, about = {}, "it cannot be read"
+    if before != asked:
+        what = f"{folder} holds the report of another run ({about}), which this one replaces: -o NAME keeps both"
+        say(visible(what), err)
 
 
 def run(
     cases: CaseNames = None,
     engine: EngineNames = None,
     question: QuestionNames = None,
-    tag: Annotated[
-        list[str] | None, typer.Option("--tag", help="Only cases with this tag or of this group; repeat it.")
-    ] = None,
+    tag: Tags = None,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the report.")] = Path("consilience-report"),
     quick: Annotated[
         bool, typer.Option("--quick", help="Few states, short motions, the headline of each engine alone.")
@@ -44,15 +65,16 @@ def run(
         str | None, typer.Option(metavar="ADDRESS", help="Engines work on the Dask cluster of this scheduler.")
     ] = None,
     verbose: Verbose = False,
+    form: Form = OutputFormat.TEXT,
 ) -> None:
     """Ask the questions, compare, and write report.jsonl, report.html and report.md.
 
     Answers are kept in the folder as they come: the same command after an interruption goes on where it was.
     """
-    from consilience.cli.commands.report import print_matrix
+    from consilience.cli.commands.report import state_report
     from consilience.cli.terminal import err, log_to_stderr, progress_per_engine
     from consilience.report.pages import write_pages
-    from consilience.report.record import exit_code, write_record
+    from consilience.report.record import write_record
     from consilience.suite import FULL, QUICK, Resources, Store, run_suite
 
     folder = require_folder(output, "report")
@@ -62,6 +84,8 @@ def run(
     if verbose:
         log_to_stderr()
     asked = list(dict.fromkeys(["reference", *engines]))
+    names = {case.name for case in chosen}
+    tell_replaced(folder, {"cases": names, "engines": {*asked}, "questions": {*questions}, "quick": quick})
     progress_bars = progress_per_engine(asked, len(chosen), silent=verbose)
     try:
         with connect_cluster(scheduler) as cluster, progress_bars as progress:
@@ -80,5 +104,4 @@ def run(
     store.close()
     write_record(results, time.perf_counter() - start, folder)
     write_pages(folder)
-    print_matrix(folder)
-    raise typer.Exit(exit_code(results))
+    raise typer.Exit(state_report(folder, form))

@@ -12,7 +12,7 @@ from consilience.case import load_cases
 from consilience.cli.options import AnyCaseName, ReportFolder, require_ending, writing
 from consilience.cli.terminal import say
 from consilience.compare.judge import REFERENCE
-from consilience.errors import InvalidInput
+from consilience.errors import InvalidInput, nearest
 from consilience.report.html import render_replay
 from consilience.report.pages import write_pages
 from consilience.report.picture import picture
@@ -72,7 +72,7 @@ def play(
     if not moving:
         raise InvalidInput(str(run), "it has no motions to show", "Run the suite with the question trajectory.")
     if case is not None and case not in moving:
-        raise InvalidInput(f"case '{case}'", "the report has no motion of it", f"Cases: {', '.join(moving)}.")
+        raise InvalidInput(f"case '{case}'", "the report has no motion of it", nearest(case, moving, "Cases"))
     chosen = case or max(moving, key=lambda name: _largest_difference(replays[name]["motion"]))
     page = run / "report.html"
     if not page.is_file():

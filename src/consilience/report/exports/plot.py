@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from consilience.compare.judge import REFERENCE
-from consilience.errors import InvalidInput
+from consilience.errors import InvalidInput, nearest
 from consilience.report.figure import COLOURS
 from consilience.report.record import Record
 from consilience.report.selection import is_matched, judged_largest, mean_step, method_of
@@ -128,7 +128,7 @@ def plotted(record: Record, case: str, what: str, form: str) -> bytes:
         ) from None
     cases = {one["name"]: one for one in record.cases}
     if case not in cases:
-        raise InvalidInput(f"case '{case}'", "it is not in this run", f"Cases: {', '.join(cases)}.")
+        raise InvalidInput(f"case '{case}'", "it is not in this run", nearest(case, cases, "Cases"))
     drawn, motions = lines(record, cases[case], PLOTS[what]), record.motions(case)
     with rc_context(SETTINGS):
         figure = Figure(figsize=(WIDTH, HEIGHT + ENTRY * len(drawn)), layout="constrained")
