@@ -26,6 +26,7 @@ from consilience.case.file.reader import load_file
 from consilience.case.file.writer import case_table, table_text
 from consilience.cli.commands.fuzz import fuzz
 from consilience.compare import Verdict
+from consilience.compare.instant import Instants
 from consilience.engine import Method, Profile, Question, Route, Unsupported
 from consilience.engine.worker.requests import MethodAnswer
 from consilience.errors import ConsilienceError
@@ -194,6 +195,19 @@ def test_the_defaults_are_judged_among_themselves_alone(case, honest):
     softer = off(honest[INSTANT], "softer", 0.2, profile=Profile.DEFAULT)
     (found,) = alarms(entries_of(case, honest, honest[INSTANT], soft, softer))
     assert (found.method, found.against) == ("soft", "softer")
+
+
+def test_a_solver_beside_right_terms_is_no_alarm(case, honest):
+    """Unresolved against the reference and against the engine's own terms; far off, it is a difference of the model."""
+    terms = replace(honest[INSTANT], method=replace(honest[INSTANT].method, name="terms", route=Route.HARNESS_SOLVE))
+    bar = 1e-11 * float(np.max(Instants.of(case.mechanism, case.states).rounding))
+    found = entries_of(case, honest, terms, off(honest[INSTANT], "solver", 20.0 * bar))
+    assert [(e.method, e.verdict) for e in found if e.verdict is not Verdict.AGREES] == [
+        ("solver", Verdict.UNRESOLVED),
+        ("terms", Verdict.UNRESOLVED),
+    ]
+    assert not alarms(found)
+    assert [e.against for e in alarms(entries_of(case, honest, terms, off(honest[INSTANT])))] == ["reference"]
 
 
 def test_a_pair_has_the_bars_of_the_more_lenient_method(case, honest):

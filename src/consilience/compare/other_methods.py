@@ -2,8 +2,8 @@
 
 A method misses its bar by the solver where the engine's own terms (mass matrix, bias forces, Jacobians), solved by the
 harness, agree at the same states: then the equations are those of the case, and what is lost is lost in their
-solution, or in an extrapolation that is not asymptotic. This is believed of two digits at most, `SOLVER`: an iterative
-solver stops, or a normal matrix squares a condition number; an ignored constraint shows in the first digits.
+solution, or in an extrapolation that is not asymptotic. This is believed of few digits (`SOLVER`, `EXTRAPOLATION`): an
+iterative solver stops, or a normal matrix squares a condition number; an ignored constraint shows in the first digits.
 
 A bar that grows with the condition of the equations may let a tuned method pass that is worse than the engine's own
 settings: such tuning is none.
@@ -18,8 +18,12 @@ from consilience.compare.instant import BARS, SOFTENED, Bars
 from consilience.compare.result import Comparison, Quantity, Verdict
 from consilience.engine import Profile, Question, Route
 
-SOLVER = 100.0
-"""Largest ratio of a difference to its bar that a solver explains."""
+SOLVER, EXTRAPOLATION = 1e2, 1e4
+"""Largest ratio of a difference to its bar that a solver, or an extrapolation, explains: of 1e-11 and 1e-8 for
+well-conditioned equations, so that nine and four digits have to be right."""
+
+SOLVER_RULE, TUNING_RULE = "solver", "tuning"
+"""Names of the rules (`rules.INSTANT_RULES`)."""
 
 WORSE = 10.0
 """Smallest ratio of the difference of a tuned method to that of the engine's own settings that counts as worse."""
@@ -43,19 +47,20 @@ def _settled(one: Comparison, others: Sequence[Comparison]) -> Comparison:
     if terms and one.question is Question.INSTANT and _by_the_solver(one):
         part = "its extrapolation" if one.route is Route.EXTRAPOLATED else "its solver"
         why = f"{one.why}; the engine's own terms ({terms[0].method}) agree to {terms[0].digits:.1f} digits: {part}"
-        return replace(one, verdict=Verdict.UNRESOLVED, rule="solver", why=why)
+        return replace(one, verdict=Verdict.UNRESOLVED, rule=SOLVER_RULE, why=why)
     own = [(a.difference, o.method) for o in others if o.profile is Profile.DEFAULT for a in _accelerations(o)]
     for mine in _accelerations(one):
         least, name = min(own, default=(float("inf"), ""))
         if one.verdict is Verdict.AGREES and one.profile is Profile.MATCHED and _worse(one, mine, least):
             why = f"{one.why}; by its own settings ({name}) the engine differs by {least:.2g}: tuning makes it worse"
-            return replace(one, verdict=Verdict.UNRESOLVED, rule="tuning", why=why)
+            return replace(one, verdict=Verdict.UNRESOLVED, rule=TUNING_RULE, why=why)
     return one
 
 
 def _by_the_solver(one: Comparison) -> bool:
     missed = [q for q in one.quantities if not q.met]
-    return one.verdict is Verdict.MODEL and all(q.name in SOFTENED and q.difference <= SOLVER * q.bar for q in missed)
+    most = EXTRAPOLATION if one.route is Route.EXTRAPOLATED else SOLVER
+    return one.verdict is Verdict.MODEL and all(q.name in SOFTENED and q.difference <= most * q.bar for q in missed)
 
 
 def _worse(one: Comparison, mine: Quantity, least: float) -> bool:

@@ -354,7 +354,7 @@ RULES: tuple[Rule, ...] = (
 
 
 INSTANT_RULES: dict[str, str] = {
-    "solver": "the engine's own terms agree, and its solver or extrapolation misses the bar by two digits at most",
+    "solver": "the engine's own terms agree; its solver misses the bar by two digits at most, an extrapolation by four",
     "tuning": "a wide bar passes a tuned method that is ten times worse than the engine's own settings",
 }
 """Condition in words of the rules by which an instant is unresolved (`other_methods`)."""

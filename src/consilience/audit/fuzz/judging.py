@@ -23,7 +23,7 @@ from consilience.case import Case
 from consilience.compare import Comparison, Verdict, compare_instant, compare_model
 from consilience.compare.instant import BARS, Bars, Instants
 from consilience.compare.judge import REFERENCE
-from consilience.compare.other_methods import reconsidered
+from consilience.compare.other_methods import SOLVER_RULE, reconsidered
 from consilience.engine import InstantAnswer, Method, ModelAnswer, Profile, Question, defects
 from consilience.engine.worker.requests import MethodAnswer
 from consilience.mechanism import characteristic_length
@@ -99,6 +99,7 @@ class _MechanismJudge:
             if not self._defect(answer):
                 self.reference.setdefault(answer.question, answer)
         self.uncertain: set[Question] = set()
+        self.inexact: set[str] = set()
 
     def comparisons(self, batches: Mapping[str, AnswerBatch]) -> Iterator[JudgedComparison]:
         """Compare the reference with itself first: engines are unresolved where the reference is uncertain."""
@@ -125,7 +126,10 @@ class _MechanismJudge:
             yield from self._against_reference(engine, sound)
         for one, other in combinations(sound, 2):
             if one.question is other.question and _profile(one) is _profile(other):
-                yield self._against_one_another(engine, one, other)
+                pair = self._against_one_another(engine, one, other)
+                # what a solver loses against the reference, it loses against the engine's own terms
+                inexact = pair.verdict is Verdict.MODEL and {_name(one), _name(other)} & self.inexact
+                yield replace(pair, verdict=Verdict.UNRESOLVED) if inexact else pair
 
     def _defect(self, answer: MethodAnswer) -> str:
         """Say why an answer is not sound; empty for a sound answer."""
@@ -143,6 +147,7 @@ class _MechanismJudge:
                 why = "the reference did not answer" if unknown else "the reference differs from itself"
                 yield self._judged(engine, answer, REFERENCE, Verdict.UNRESOLVED, "", why)
         found = reconsidered([self._comparison(engine, a, self.reference[a.question]) for a in certain])
+        self.inexact = {c.method for c in found if c.rule == SOLVER_RULE}
         for answer, comparison in zip(certain, found, strict=True):
             yield self._judged_by(engine, answer, comparison, REFERENCE)
 
