@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from consilience.mechanism import GROUND, Array, Function, Load, Spring
+from consilience.mechanism import GROUND, Array, Function, Load, Spring, spring_force
 from consilience_dart.efforts import dampers, efforts, exert
 from consilience_dart.translation import Model
 
@@ -54,11 +54,10 @@ def _factor(history: Function | None, t: float, otherwise: float) -> float:
     return otherwise if history is None else float(history.at(t)[0])
 
 
-def _length(ends: tuple[_End, _End]) -> tuple[float, Array]:
-    """Length in m of a spring, and its direction from predecessor to successor."""
+def _length(ends: tuple[_End, _End]) -> float:
+    """Length in m of a spring."""
     d = ends[1].position() - ends[0].position()
-    length = float(d @ d) ** 0.5
-    return length, d / length
+    return float(d @ d) ** 0.5
 
 
 def _ends(model: Model, spring: Spring) -> tuple[_End, _End]:
@@ -73,10 +72,8 @@ def _spring(model: Model, spring: Spring) -> Apply:
 
     def apply(t: float) -> None:
         """Apply the force of the spring to both ends, along the line between them."""
-        length, e = _length(ends)
-        rate = float(e @ (ends[1].velocity() - ends[0].velocity()))
-        pull = spring.stiffness * (length - spring.free_length) + spring.damping * rate
-        force = (pull - _factor(spring.actuator, t, 0.0)) * e
+        d, v = ends[1].position() - ends[0].position(), ends[1].velocity() - ends[0].velocity()
+        force = spring_force(spring.law, _factor(spring.actuator, t, 0.0), d, v)
         ends[0].push(force)
         ends[1].push(-force)
 
@@ -140,4 +137,4 @@ class Forces:
 
 def spring_energy(model: Model) -> float:
     """Return the potential energy in J of the springs between points at the skeleton's present state."""
-    return sum(0.5 * s.stiffness * (_length(_ends(model, s))[0] - s.free_length) ** 2 for s in model.mechanism.springs)
+    return sum(0.5 * s.stiffness * (_length(_ends(model, s)) - s.free_length) ** 2 for s in model.mechanism.springs)

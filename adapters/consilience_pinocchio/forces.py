@@ -6,12 +6,11 @@ an integration.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from consilience.mechanism import Array, Function, Load, skew
+from consilience.mechanism import Array, Function, Load, skew, spring_force
 from consilience_pinocchio.translate import Translation
 
 
@@ -144,15 +143,8 @@ class Forces:
             wrench = push.matrix @ push.view
             W[push.link] += wrench if push.history is None else push.history.jet(t)[0] * wrench
         for spring, i, j, actuator in self._springs:
-            d = j.position() - i.position()
-            length = math.sqrt(d @ d)
-            e = d / length
-            tension = spring.stiffness * (length - spring.free_length)
-            if spring.damping:
-                tension += spring.damping * float(e @ (j.velocity() - i.velocity()))
-            if actuator is not None:
-                tension -= actuator.jet(t)[0]
-            force = tension * e
+            apart = 0.0 if actuator is None else actuator.jet(t)[0]
+            force = spring_force(spring.law, apart, j.position() - i.position(), j.velocity() - i.velocity())
             if i.link >= 0:
                 W[i.link] += i.force @ (i.R_WJ.T @ force)
             if j.link >= 0:

@@ -9,29 +9,35 @@ from consilience.case import load_case
 from consilience.errors import CannotAssemble, InvalidInput
 from consilience.mechanism import (
     GROUND,
+    Coupling,
     Frame,
     Initial,
     Mechanism,
     State,
+    Units,
     assemble_positions,
     assemble_velocities,
-    assembly,
     constraint_jacobian,
     constraint_residual,
     determinate_reactions,
     drawing_state,
     free_directions,
+    in_units,
     initial_state,
     joint_coordinates,
     joint_frames,
     joint_rates,
     move,
+    nearby_states,
     quaternion_from_rotation,
     quaternion_from_rotation_vector,
     random_states,
     relative_motion,
     rotation_angle_between,
     rotation_from_quaternion,
+    through,
+    velocity_sizes,
+    worst_condition,
 )
 from mechanisms import LOOPS, TREES, chain, drawn_joint, four_bar, lumpy_body, rotation, slider_crank, states_of
 
@@ -130,7 +136,10 @@ def test_a_loop_closes_when_one_angle_is_held_and_all_other_bodies_follow(make):
 
 @pytest.mark.parametrize("name", ["loop_universal", "loop_rod", "loop_spherical", "long_chain"])
 def test_a_disturbed_pose_moves_no_further_than_it_must(name):
-    """To first order the displacement is orthogonal to all free directions: assembly adds no admissible motion."""
+    """To first order the displacement is orthogonal to all free directions: assembly adds no admissible motion.
+
+    Rad and characteristic lengths are alike in the product.
+    """
     mechanism = ALL[name]
     guess = drawing_state(mechanism)
     size = 1e-5
@@ -141,7 +150,7 @@ def test_a_disturbed_pose_moves_no_further_than_it_must(name):
     ]  # small rotation vectors
     step = np.hstack([state.p_WB - disturbed.p_WB, turn]).ravel()
     assert np.linalg.norm(step) > 0.1 * size
-    along = free_directions(mechanism, state).T @ step
+    along = free_directions(mechanism, state).T @ (step / velocity_sizes(mechanism) ** 2)
     assert np.max(np.abs(along)) < 1e-3 * np.linalg.norm(step)
 
 
@@ -164,7 +173,10 @@ def _vector_part(a, b):
 
 @pytest.mark.parametrize("name", ["four_bar", "loop_rod", "branched"])
 def test_velocities_change_no_more_than_they_must(name):
-    """The change of the velocities lies in the row space of Q: orthogonal to the free directions."""
+    """The change of the velocities lies in the row space of Q: orthogonal to the free directions.
+
+    Rad and characteristic lengths are alike in the product.
+    """
     mechanism = ALL[name]
     placed = initial_state(mechanism)
     rng = np.random.default_rng(5)
@@ -173,7 +185,8 @@ def test_velocities_change_no_more_than_they_must(name):
     assert_consistent(mechanism, found)
     change = velocities(found) - velocities(wanted)
     assert np.linalg.norm(change) > 0.1
-    np.testing.assert_allclose(free_directions(mechanism, found).T @ change, 0, atol=1e-13)
+    alike = change / velocity_sizes(mechanism) ** 2
+    np.testing.assert_allclose(free_directions(mechanism, found).T @ alike, 0, atol=1e-13)
 
 
 def test_velocities_asked_for_a_body_are_kept_where_the_joints_allow_it():
@@ -189,6 +202,48 @@ def test_a_pose_given_for_a_body_replaces_the_drawing_as_the_guess():
     state = initial_state(mechanism, Initial(poses={"b0": pose}))
     np.testing.assert_allclose(state.p_WB[0], pose.p, rtol=0, atol=1e-15)
     np.testing.assert_allclose(rotation_from_quaternion(state.quat_WB[0]), pose.R, rtol=0, atol=1e-15)
+
+
+# ---------------------------------------------------------------- far away, and of any size
+
+
+@pytest.mark.parametrize(
+    ("kind", "coordinate_name", "value", "size"),
+    [
+        ("prismatic", "distance", 100.0, 1.0),
+        ("revolute", "angle", 2.4, 60.0),
+        ("screw", "angle", 200.0 * np.pi + 0.3, 1.0),
+    ],
+)
+def test_what_is_held_far_from_the_drawing_is_reached(kind, coordinate_name, value, size):
+    """A slide, a hinge of long arms, a hundred turns of a screw; closed form: a screw motion about the joint's z."""
+    mechanism = in_units(chain(kind, seed=97), length=size)
+    body, joint = mechanism.bodies[0], mechanism.joints[0]
+    state = initial_state(mechanism, Initial({"j0": {coordinate_name: value}}))
+    z = joint.F.R[:, 2]
+    angle, advance = (0.0, value) if kind == "prismatic" else (value, joint.pitch * value / (2.0 * np.pi))
+    turn = rotation_from_quaternion(quaternion_from_rotation_vector(angle * z))
+    expected = joint.F.p + turn @ (body.drawing.p - joint.F.p) + advance * z
+    np.testing.assert_allclose(state.p_WB[0], expected, rtol=0, atol=2e-11 * np.max(np.abs(expected)))
+    np.testing.assert_allclose(state.R_WB[0], turn @ body.drawing.R, rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize("units", [Units(2.0**-20), Units(2.0**20), Units(1e-6, 1e6), Units(1e6, 1e-6)])
+@pytest.mark.parametrize("name", ["four_bar", "loop_rod", "forced_chain", "loop_universal"])
+def test_random_states_have_the_same_angles_at_any_size(name, units):
+    """A mechanism in other units has the same states in these units, and the same ranks."""
+    mechanism = ALL[name]
+    states = random_states(mechanism, initial_state(mechanism), 4, 8)
+    other = in_units(mechanism, *units)
+    found = random_states(other, initial_state(other), 4, 8)
+    for state, twin in zip(states, map(units.inverse.convert, found), strict=True):
+        np.testing.assert_allclose(twin.p_WB, state.p_WB, rtol=0, atol=1e-11)
+        assert np.max(rotation_angle_between(twin.quat_WB, state.quat_WB)) < 1e-11
+        np.testing.assert_allclose(twin.w_WB_W, state.w_WB_W, rtol=0, atol=1e-10)
+        same = units.convert(state)
+        assert free_directions(other, same).shape == free_directions(mechanism, state).shape
+        np.testing.assert_array_equal(determinate_reactions(other, same), determinate_reactions(mechanism, state))
+        assert worst_condition(other, same) == pytest.approx(worst_condition(mechanism, state), rel=1e-6)
 
 
 # ---------------------------------------------------------------- refusals
@@ -275,8 +330,33 @@ def test_random_states_come_from_their_seed():
     one, same, other = (random_states(mechanism, start, 2, seed)[1] for seed in (1, 1, 2))
     np.testing.assert_array_equal(one.p_WB, same.p_WB)
     np.testing.assert_array_equal(one.v_WB_W, same.v_WB_W)
-    # with one freedom few poses are possible (walks of two equal steps have three ends); velocities are free
     assert np.max(np.abs(one.v_WB_W - other.v_WB_W)) > 1e-3
+
+
+def test_random_states_of_one_freedom_never_return_to_a_pose():
+    """Steps of one size would lead a slide to the same few places, among them where a spring has no length."""
+    mechanism = chain("prismatic", seed=91)
+    states = random_states(mechanism, initial_state(mechanism), 40, 3)
+    places = np.sort([coordinate(mechanism, state, "j0", "distance") for state in states])
+    assert np.min(np.diff(places)) > 1e-6
+    assert np.max(np.abs(places)) > 0.5
+
+
+def test_random_states_where_the_law_of_a_cam_ends_stay_within_its_table():
+    """Between -0.3 and 0.3 rad: a walk of 40 steps without a wall would leave it."""
+    mechanism = chain("revolute", seed=91)
+    follower = chain("prismatic", seed=92)
+    bodies = (*mechanism.bodies, replace(follower.bodies[0], name="follower"))
+    joints = (*mechanism.joints, replace(follower.joints[0], name="guide", successor="follower"))
+    x = np.linspace(-0.3, 0.3, 7)
+    cam = Coupling("cam", "j0", "angle", "guide", "distance", through(x, 0.1 * x**2))
+    coupled = replace(mechanism, bodies=bodies, joints=joints, couplings=(cam,))
+    angles = [
+        float(coordinate(coupled, s, "j0", "angle")) for s in random_states(coupled, initial_state(coupled), 40, 3)
+    ]
+    assert 0.2 < max(np.abs(angles)) <= 0.3
+    with pytest.raises(CannotAssemble, match=r"coupling 'cam': its table reaches from -0.3 to 0.3, .* 'j0' is 0.5"):
+        initial_state(coupled, Initial({"j0": {"angle": 0.5}}))
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -351,6 +431,6 @@ def test_a_search_for_states_that_finds_none_ends(monkeypatch):
 
     case = load_case("double_pendulum")
     start = case.initial_state
-    monkeypatch.setattr(assembly, "assemble_positions", never)
+    monkeypatch.setattr(nearby_states, "assemble_positions", never)
     with pytest.raises(CannotAssemble, match="50 random steps"):
         random_states(case.mechanism, start, 3, seed=1)

@@ -12,6 +12,7 @@ from consilience.mechanism import (
     Frame,
     Joint,
     Mechanism,
+    characteristic_length,
     constraint_jacobian,
     drawing_state,
     initial_state,
@@ -92,7 +93,7 @@ def test_heavy_bodies_that_do_not_move_spoil_free_directions(ratio):
 
 
 def test_condition_numbers_are_those_of_dense_matrices():
-    """Condition numbers from dense matrices, assembled here, with the eigenvalues of NumPy."""
+    """Condition numbers from dense matrices in characteristic lengths, assembled here, with eigenvalues of NumPy."""
     mechanism = random_mechanism(3, 5, Recipe(plain=True))
     state = random_states(mechanism, initial_state(mechanism), 1, 7)[0]
     R = rotation_from_quaternion(state.quat_WB)
@@ -101,7 +102,8 @@ def test_condition_numbers_are_those_of_dense_matrices():
         S = skew(R[i] @ b.com)
         block = [[b.mass * E, -b.mass * S], [b.mass * S, R[i] @ b.inertia @ R[i].T - b.mass * S @ S]]
         M[6 * i : 6 * i + 6, 6 * i : 6 * i + 6] = np.block(block)
-    Q = constraint_jacobian(mechanism, state)
+    sizes = np.tile(np.repeat([characteristic_length(mechanism), 1.0], 3), 5)
+    M, Q = sizes[:, None] * M * sizes, constraint_jacobian(mechanism, state) * sizes
     A = Q @ np.linalg.solve(M, Q.T)
     d = 1.0 / np.sqrt(np.diag(A))
     eigenvalues = np.linalg.eigvalsh(d[:, None] * A * d)

@@ -9,7 +9,19 @@ import numpy as np
 
 from consilience.case.published import Published
 from consilience.errors import InvalidInput
-from consilience.mechanism import Array, Initial, Mechanism, State, fastest_rate, initial_state, random_states
+from consilience.mechanism import Array, Function, Initial, Mechanism, State, fastest_rate, initial_state, random_states
+
+_OF_TIME = {
+    "drives": "motion",
+    "springs": "actuator",
+    "joint_springs": "actuator",
+    "loads": "history",
+    "controls": "target",
+}
+"""Functions of time, by kind of element."""
+
+TENTH = 0.1
+"""Angle in rad that a random velocity turns a body in one sample: as fast as the samples resolve well."""
 
 LARGEST_MOTION = 2_000_000
 """Largest number of samples times bodies of a trajectory: an answer of 200 MB."""
@@ -64,6 +76,20 @@ class Case:
                 f"samples times bodies are {size:.3g}",
                 f"Let them be {LARGEST_MOTION:.3g} at most: a shorter duration, or a longer sample.",
             )
+        for group, name in _OF_TIME.items():
+            for element in getattr(self.mechanism, group):
+                self._refuse_short(f"{group[:-1].replace('_', ' ')} '{element.name}': {name}", getattr(element, name))
+
+    def _refuse_short(self, where: str, function: Function | None) -> None:
+        """Refuse a function of time whose table does not reach over the trajectory."""
+        table = None if function is None else function.table
+        if table is None or table.periodic or (table.x[0] <= 0.0 and self.duration <= table.x[-1]):
+            return
+        raise InvalidInput(
+            f"case '{self.name}': {where}",
+            f"its table reaches from {table.x[0]:g} to {table.x[-1]:g} s, the trajectory from 0 to {self.duration:g} s",
+            "Give a longer table, or a shorter duration.",
+        )
 
     @cached_property
     def initial_state(self) -> State:
@@ -80,10 +106,19 @@ class Case:
             raise type(error)(f"{self.file}: {error.where}", error.what, error.remedy) from None
 
     @cached_property
+    def unassembled(self) -> str:
+        """Why the case has no initial state; empty if it has one."""
+        try:
+            _ = self.initial_state
+        except InvalidInput as error:
+            return str(error)
+        return ""
+
+    @cached_property
     def states(self) -> list[State]:
         """States of the question `instant`."""
         start = self.initial_state
-        return [start, *random_states(self.mechanism, start, self.instants - 1, self.seed)]
+        return [start, *random_states(self.mechanism, start, self.instants - 1, self.seed, TENTH / self.sample)]
 
     @cached_property
     def fastest_rate(self) -> float:
@@ -93,7 +128,9 @@ class Case:
     @property
     def times(self) -> Array:
         """Sample times of the trajectory, shape (n_t,), s."""
-        return np.arange(round(self.duration / self.sample) + 1) * self.sample
+        times = np.arange(round(self.duration / self.sample) + 1) * self.sample
+        times[-1] = self.duration  # not a rounding beyond, where a table may have ended
+        return times
 
     def with_span(self, duration: float | None, sample: float | None) -> Case:
         """Return the case with another duration or sample, in s, and the expected values on the new grid.

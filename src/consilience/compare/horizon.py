@@ -2,9 +2,10 @@
 
 The reference is integrated from states displaced by `PERTURBATION` in random directions that the constraints allow, in
 positions and velocities. The growth g(t) is the largest difference to the undisturbed motion up to t, divided by the
-difference at the start. A rounding error eps at the start of any integration has grown to g(t) eps at the time t. The
-horizon is the time at which g(t) eps reaches the digits asked; nothing is judged beyond. The logarithmic rate of g is a
-finite-time Lyapunov exponent [Benettin et al. 1980].
+difference at the start; a mechanism that drives move alone has nothing to displace, and no growth. A rounding error is
+here a change of the initial positions by eps, relative to the size of the motion or in rad, along such a direction: it
+has grown to g(t) eps at the time t. The horizon is the time at which g(t) eps reaches the digits asked; nothing is
+judged beyond. The logarithmic rate of g is a finite-time Lyapunov exponent [Benettin et al. 1980].
 
 A perturbation above `LINEAR` no longer grows linearly: from there on g is extrapolated at its mean exponential rate.
 Errors of the reference, of the size of its tolerance, grow in the same way: the horizon also lies where g exceeds
@@ -24,7 +25,12 @@ from consilience.engine import TrajectoryAnswer
 from consilience.mechanism import Array, Mechanism
 
 PERTURBATION = 1e-8
-"""Displacement in m and rad, and in m/s and rad/s: far above the errors of the reference, far below `LINEAR`."""
+"""Displacement in characteristic lengths and rad, and as much of a velocity in a second.
+
+Far above the errors of the reference, far below `LINEAR`."""
+
+ROUNDED = 1e-13
+"""Difference at the start that is the rounding of an assembly, not a displacement."""
 
 LINEAR = 1e-3
 """Difference of two motions up to which growth is linear: the quadratic terms are of the size of its square."""
@@ -41,7 +47,7 @@ def growth(mechanism: Mechanism, reference: TrajectoryAnswer, disturbed: Sequenc
     found = [np.ones(len(reference.time))]
     for motion in disturbed:
         difference = difference_over_time(motion, reference, size)
-        if difference[0] > 0.0:
+        if difference[0] > ROUNDED:
             found.append(_continued(reference.time, np.maximum.accumulate(difference), difference[0]))
     return np.max(found, axis=0)
 

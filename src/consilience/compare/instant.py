@@ -19,10 +19,12 @@ The bars of accelerations and reactions hold for well-conditioned equations. At 
 Accelerations and reactions are compared state by state. Where the whole vector is small (a rod without load at the
 moment of release, a mechanism near equilibrium), a relative difference would be rounding over rounding. The divisor is
 therefore at least `FLOOR` times the largest component over all states, and `FLOOR` times the terms of the sum: for
-accelerations gravity and the centripetal acceleration at the characteristic length of a body; for reactions the mass
-times these and the accelerations; for an energy the other energy. The potential energy of gravity is a sum whose terms
-may cancel, and is relative to the sum of their magnitudes. The pose of a body carries the rounding of all joints
-between it and the ground: for more than `MANY` bodies the bars of energies grow in proportion.
+accelerations gravity, the centripetal acceleration at the characteristic length of a body, and what springs, loads,
+controls and drives would give a body that nothing holds; for reactions the mass times these and the accelerations; for
+an energy the other energy. Angular accelerations are multiplied, and torques divided, by the characteristic length. The
+potential energy of gravity is a sum whose terms may cancel, and is relative to the sum of their magnitudes. The pose of
+a body carries the rounding of all joints between it and the ground: for more than `MANY` bodies the bars of energies
+grow in proportion.
 """
 
 from __future__ import annotations
@@ -34,12 +36,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from consilience.compare.result import Comparison, Quantity, Verdict, compare_by_bars
-from consilience.compare.softness import SCALES, Softness, of_accelerations, stacked_accelerations
+from consilience.compare.softness import SCALES, Softness, of_accelerations
 from consilience.engine import InstantAnswer, Method, ModelAnswer, Question, Route
 from consilience.mechanism import (
     Array,
     Mechanism,
     State,
+    applied_wrenches,
     centres_of_mass,
     characteristic_length,
     determinate_reactions,
@@ -84,6 +87,8 @@ class Instants:
         Characteristic length of a body.
     spin : float, rad/s
         Largest angular velocity at the states.
+    driven : float, m/s^2
+        Largest acceleration by applied forces that a body would have alone, or by a drive, at the states.
     weights : float, J
         Largest sum of the magnitudes of all potential energies of gravity, about the world origin.
     bodies : int
@@ -98,6 +103,7 @@ class Instants:
     gravity: float
     characteristic_length: float
     spin: float
+    driven: float
     weights: float
     bodies: int
     answers: int = 1
@@ -118,19 +124,33 @@ class Instants:
             float(np.linalg.norm(mechanism.gravity)),
             characteristic_length(mechanism),
             max(_largest(s.w_WB_W) for s in states),
+            max(_driven(mechanism, s) for s in states),
             max(float(np.sum(np.abs(masses * (centres_of_mass(mechanism, s)[0] @ mechanism.gravity)))) for s in states),
             len(mechanism.bodies),
         )
 
     @property
     def acceleration(self) -> float:
-        """Magnitude of the terms of an acceleration: gravity and the centripetal acceleration of a body, m/s^2."""
-        return self.gravity + self.spin**2 * self.characteristic_length
+        """Magnitude of the terms of an acceleration: gravity, centripetal acceleration, forces and drives, m/s^2."""
+        return self.gravity + self.spin**2 * self.characteristic_length + self.driven
+
+    def accelerations(self, answer: InstantAnswer) -> Array:
+        """Return linear accelerations, and angular ones times the characteristic length, shape (n_s, n_b, 6), m/s^2."""
+        return np.concatenate([answer.a_WB_W, self.characteristic_length * answer.alpha_WB_W], axis=2)
 
     def inertial(self, reference: InstantAnswer) -> float:
         """Return the magnitude of the inertial forces and weights that reactions may have to bear, N."""
         found = _largest(reference.a_WB_W) + _largest(reference.alpha_WB_W) * self.characteristic_length
         return self.mass * (self.acceleration + found)
+
+
+def _driven(mechanism: Mechanism, state: State) -> float:
+    """Return the largest acceleration of a body by its applied forces alone, or of a coordinate by a drive, m/s^2."""
+    length = characteristic_length(mechanism)
+    forces, torques = applied_wrenches(mechanism, state).magnitude.T
+    alone = (forces + torques / length) / [b.mass for b in mechanism.bodies]
+    drives = [abs(d.motion.at(0.0)[2]) * (1.0 if d.coordinate == "distance" else length) for d in mechanism.drives]
+    return float(np.max([*alone, *drives]))
 
 
 def relative_difference(found: ArrayLike, expected: ArrayLike, floor: float = 0.0) -> float:
@@ -230,8 +250,9 @@ def compare_instant(
     )
     if not softer:
         return compared
-    sizes = _sizes(stacked_accelerations(reference), instants.acceleration)
-    return _with_softness(compared, of_accelerations([answer, *softer], SCALES[method.profile], reference, sizes))
+    found, *others, expected = (instants.accelerations(a) for a in (answer, *softer, reference))
+    sizes = _sizes(expected, instants.acceleration)
+    return _with_softness(compared, of_accelerations([found, *others], SCALES[method.profile], expected, sizes))
 
 
 def _with_softness(compared: Comparison, soft: Softness) -> Comparison:
@@ -273,7 +294,7 @@ def _worst(
 
 def _accelerations(answer: InstantAnswer, reference: InstantAnswer, instants: Instants, bar: float) -> Quantity:
     """Compare linear and angular accelerations of all bodies."""
-    found, expected = stacked_accelerations(answer), stacked_accelerations(reference)
+    found, expected = instants.accelerations(answer), instants.accelerations(reference)
     n, difference, grown = _worst(found, expected, instants.acceleration, bar * instants.rounding)
     remark = f"state {n}, condition of the equations {instants.condition[n]:.3g}"
     return Quantity("accelerations", difference, grown, expected.size, remark)
@@ -291,7 +312,7 @@ def _reactions(answer: InstantAnswer, reference: InstantAnswer, instants: Instan
         """Determined components at each state."""
         assert force_F is not None
         assert torque_F is not None
-        wrenches = np.concatenate([force_F, torque_F], axis=2)
+        wrenches = np.concatenate([force_F, torque_F / instants.characteristic_length], axis=2)
         return [values[known] for values, known in zip(wrenches, determined, strict=True)]
 
     found, expected = compared(answer.force_F, answer.torque_F), compared(reference.force_F, reference.torque_F)

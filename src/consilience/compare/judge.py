@@ -11,6 +11,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol
 
+from numpy.linalg import LinAlgError
+
 from consilience.case import Case
 from consilience.compare.horizon import growth
 from consilience.compare.other_methods import reconsidered
@@ -20,6 +22,10 @@ from consilience.compare.result import Comparison, Quantity, Verdict
 from consilience.compare.rules import rate_text
 from consilience.compare.trajectory import ReferenceMotion, spread_over_time
 from consilience.engine import Profile, Question, Run, Status, load_named
+from consilience.errors import ConsilienceError
+
+FAULTS_OF_A_CASE = (ConsilienceError, ArithmeticError, LinAlgError)
+"""What the numbers of one case can raise in the harness; the other cases have their answers nevertheless."""
 
 REFERENCE = "reference"
 
@@ -44,10 +50,15 @@ def judge_case(case: Case, runs: Sequence[Run]) -> list[Comparison]:
             if run.question is question and not _auxiliary(run):
                 groups.setdefault((run.engine, run.method.name if run.method else ""), []).append(run)
         references = _references(runs, question)
-        judge = question_judge(case, runs, question, found) if groups else None
-        for group in groups.values():
-            if judge is None or group[0] is not references[0]:  # the best reference is not compared with itself
-                found.append(judge_method(case, judge, group))
+        judged: list[Comparison] = []
+        try:
+            judge = question_judge(case, runs, question, found) if groups else None
+            for group in groups.values():
+                if judge is None or group[0] is not references[0]:  # the best reference is not compared with itself
+                    judged.append(judge_method(case, judge, group))
+        except FAULTS_OF_A_CASE as error:
+            judged = [_unjudged(_without_answer(case, group), error) for group in groups.values()]
+        found += judged
         if question is Question.INSTANT:
             found = reconsidered(found)
     return found
@@ -110,10 +121,19 @@ def unstable(case: Case, run: Run) -> bool:
     return run.step is not None and run.step * case.fastest_rate > STABLE
 
 
+def _unjudged(comparison: Comparison, error: Exception) -> Comparison:
+    """Return the comparison of a method without a verdict; what it failed by is more than why it cannot be judged."""
+    is_answered = comparison.rule == "" and comparison.verdict is Verdict.UNRESOLVED
+    return replace(comparison, why=f"it cannot be judged: {error}") if is_answered else comparison
+
+
 def reference_motion(case: Case, runs: Sequence[Run]) -> ReferenceMotion | None:
     """Return the reference motion of a case from the runs of the reference; None without an answer."""
     references = _references(runs, Question.TRAJECTORY)
-    return reference_motion_of(case, references)[0] if references else None
+    try:
+        return reference_motion_of(case, references)[0] if references else None
+    except FAULTS_OF_A_CASE:  # the comparisons of the case say what it is
+        return None
 
 
 def reference_motion_of(case: Case, references: Sequence[Run]) -> tuple[ReferenceMotion, tuple[Quantity, ...]]:
@@ -148,7 +168,7 @@ def _references(runs: Sequence[Run], question: Question) -> list[Run]:
     """
     given = [r for r in runs if r.engine == REFERENCE and r.question is question and r.status is Status.ANSWERED]
     answered, perturbed = [r for r in given if r.perturbation is None], [r for r in given if r.perturbation is not None]
-    if not answered:
+    if all(_displaced(r) for r in answered):
         return []
     headline = [r for r in answered if r.method == answered[0].method]
     others = [r for r in answered if r.method != answered[0].method]

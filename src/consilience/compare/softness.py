@@ -19,7 +19,7 @@ from typing import TypeVar
 import numpy as np
 
 from consilience.compare.motion import Scales, difference_over_time, extrapolated
-from consilience.engine import InstantAnswer, Profile, TrajectoryAnswer
+from consilience.engine import Profile, TrajectoryAnswer
 from consilience.mechanism import Array
 
 _T = TypeVar("_T")
@@ -124,30 +124,23 @@ def of_motions(
     )
 
 
-def of_accelerations(
-    answers: Sequence[InstantAnswer], softness: Sequence[float], reference: InstantAnswer, sizes: Array
-) -> Softness:
+def of_accelerations(answers: Sequence[Array], softness: Sequence[float], reference: Array, sizes: Array) -> Softness:
     """Return the dependence on softness from accelerations at several softnesses.
 
     Parameters
     ----------
-    answers : sequence of InstantAnswer
-        The judged answer, then those at other softness.
+    answers : sequence of ndarray, shape (n_s, ...)
+        The accelerations that are judged, then those at other softness.
     softness : sequence of float
         Factors of the softness of the other answers.
-    reference : InstantAnswer
+    reference : ndarray
     sizes : ndarray, shape (n_s,)
         Divisors of the differences at each state.
     """
     return _dependence(
-        [stacked_accelerations(answer) for answer in answers],
+        answers,
         softness,
-        stacked_accelerations(reference),
+        reference,
         lambda a, b: float(np.max(np.max(np.abs(a - b), axis=(1, 2)) / sizes)),
         lambda soft, hard, d: hard + (hard - soft) / d,
     )[0]
-
-
-def stacked_accelerations(answer: InstantAnswer) -> Array:
-    """Return linear and angular accelerations, shape (n_s, n_b, 6)."""
-    return np.concatenate([answer.a_WB_W, answer.alpha_WB_W], axis=2)

@@ -10,11 +10,9 @@ from consilience.mechanism.assembly import (
     Initial,
     assemble_positions,
     assemble_velocities,
-    displaced_states,
     drawing_state,
     initial_state,
     move,
-    random_states,
 )
 from consilience.mechanism.conditioning import mass_matrix_condition, reaction_condition, worst_condition
 from consilience.mechanism.constraints import (
@@ -30,6 +28,9 @@ from consilience.mechanism.constraints import (
     null_space,
     reaction_in_F,
     relative_motion,
+    row_sizes,
+    scaled_jacobian,
+    velocity_sizes,
 )
 from consilience.mechanism.contacts import Contact, PointPlane, SpherePlane, SphereSphere
 from consilience.mechanism.element_rows import (
@@ -54,15 +55,16 @@ from consilience.mechanism.elements import (
     Skate,
     Spring,
     friction_law,
+    spring_force,
 )
 from consilience.mechanism.functions import Function, Jet, Table, constant, linear, sine, through
 from consilience.mechanism.joint_rows import full_turns, joint_frames, row_gamma, row_jacobian, row_target, row_value
 from consilience.mechanism.joints import AXIS_COORDINATES, BASIC_CONSTRAINTS, JOINT_KINDS, JointKind
 from consilience.mechanism.model import GROUND, Body, Frame, Joint, Mechanism, State, check_inertia, require_states
+from consilience.mechanism.nearby_states import displaced_states, random_states
 from consilience.mechanism.observables import (
     body_point,
     centres_of_mass,
-    characteristic_length,
     determinate_reactions,
     joint_spring_coordinates,
     joint_spring_motion,
@@ -99,6 +101,7 @@ from consilience.mechanism.spatial import (
     rotation_with_z_axis,
     skew,
 )
+from consilience.mechanism.units import Units, characteristic_length, in_units, own_units
 
 __all__ = [
     "AXIS_COORDINATES",
@@ -139,6 +142,7 @@ __all__ = [
     "State",
     "Table",
     "Tree",
+    "Units",
     "Wrenches",
     "applied_wrenches",
     "assemble_positions",
@@ -167,6 +171,7 @@ __all__ = [
     "friction_law",
     "full_turns",
     "holonomic_rows",
+    "in_units",
     "initial_state",
     "joint_coordinates",
     "joint_frames",
@@ -184,6 +189,7 @@ __all__ = [
     "non_holonomic_rows",
     "null_space",
     "orthogonal_triad",
+    "own_units",
     "physical_parameters",
     "plane_axes",
     "potential_energies",
@@ -208,15 +214,19 @@ __all__ = [
     "rotation_with_z_axis",
     "row_gamma",
     "row_jacobian",
+    "row_sizes",
     "row_target",
     "row_value",
+    "scaled_jacobian",
     "sine",
     "skew",
     "spanning_tree",
+    "spring_force",
     "states_in_motion",
     "through",
     "to_elementary_tree",
     "turning_rate",
+    "velocity_sizes",
     "world_inertias",
     "worst_condition",
 ]

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from consilience.mechanism.elements import friction_law
+from consilience.mechanism.elements import friction_law, spring_force
 from consilience.mechanism.joint_rows import joint_frames
 from consilience.mechanism.model import GROUND, Mechanism, State
 from consilience.mechanism.observables import body_point, joint_spring_motion
@@ -28,16 +28,20 @@ class Wrenches:
     total : ndarray, shape (n_b, 6), N and N m
         Force and torque about the body's origin, world axes.
     size : ndarray, shape (n_b, 2), N and N m
-        Sums of the lengths of the forces and of the torques.
+        Sums of the lengths of the forces and of the torques, of each term of a force that is a difference.
+    magnitude : ndarray, shape (n_b, 2), N and N m
+        Sums of the lengths of the forces and of the torques as they act.
     """
 
     mechanism: Mechanism
     state: State
     total: Array = field(init=False)
     size: Array = field(init=False)
+    magnitude: Array = field(init=False)
 
     def __post_init__(self) -> None:
-        self.total, self.size = np.zeros((len(self.mechanism.bodies), 6)), np.zeros((len(self.mechanism.bodies), 2))
+        count = len(self.mechanism.bodies)
+        self.total, self.size, self.magnitude = (np.zeros((count, width)) for width in (6, 2, 2))
 
     def push(
         self, body: str, force: Array, point_W: Array, torque: Array | None = None, size: float | None = None
@@ -60,11 +64,13 @@ class Wrenches:
         arm = point_W - self.state.p_WB[i]
         self.total[i, :3] += force
         self.total[i, 3:] += cross(arm, force)
-        length = float(np.linalg.norm(force)) if size is None else size
-        self.size[i] += length, length * float(np.linalg.norm(arm))
+        reach, acting = np.array([1.0, float(np.linalg.norm(arm))]), float(np.linalg.norm(force))
+        self.size[i] += reach * (acting if size is None else size)
+        self.magnitude[i] += reach * acting
         if torque is not None:
             self.total[i, 3:] += torque
             self.size[i, 1] += float(np.linalg.norm(torque))
+            self.magnitude[i, 1] += float(np.linalg.norm(torque))
 
 
 def applied_wrenches(mechanism: Mechanism, state: State, t: float = 0.0) -> Wrenches:
@@ -93,11 +99,10 @@ def _add_springs(sums: Wrenches, t: float) -> None:
     for s in mechanism.springs:
         p_i, v_i = body_point(mechanism, state, s.predecessor, s.point_predecessor)
         p_j, v_j = body_point(mechanism, state, s.successor, s.point_successor)
-        length = float(np.linalg.norm(p_j - p_i))
-        e = (p_j - p_i) / length
-        rate, actuator = float(e @ (v_j - v_i)), float(s.actuator.at(t)[0]) if s.actuator else 0.0
-        force = (s.stiffness * (length - s.free_length) + s.damping * rate - actuator) * e
-        size = abs(s.stiffness) * (length + abs(s.free_length)) + abs(s.damping * rate) + abs(actuator)
+        d, v, push = p_j - p_i, v_j - v_i, float(s.actuator.at(t)[0]) if s.actuator else 0.0
+        force, length = spring_force(s.law, push, d, v), float(np.linalg.norm(d))
+        rate = float(d @ v) / length if length > 0.0 else float(np.linalg.norm(v))
+        size = abs(s.stiffness) * (length + abs(s.free_length)) + abs(s.damping * rate) + abs(push)
         sums.push(s.predecessor, force, p_i, size=size)
         sums.push(s.successor, -force, p_j, size=size)
 

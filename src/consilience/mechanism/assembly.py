@@ -3,7 +3,8 @@
 Positions satisfy ``g(p, R, t) = 0`` by Newton-Raphson's method with minimum-norm (SVD) steps [MASS], velocities
 ``Q v = nu`` by least squares. Joint coordinates and rates that a user gives are *held* ("emphasised" in MASS): rows of
 their own beside those of the constraints. The drawing, or poses given for bodies, is the initial guess; bodies move as
-little as possible from there, m and rad counted alike.
+little as possible from there. Rad and characteristic lengths of the mechanism are counted alike, in displacements and
+in residuals: what assembles does not depend on the unit of length.
 
 A displacement of a body is ``(dr, phi)``: of the origin in m, and a rotation vector in rad, both in axes of the world.
 """
@@ -22,9 +23,10 @@ from consilience.mechanism.constraints import (
     constraint_jacobian,
     constraint_rates,
     constraint_residual,
-    free_directions,
     joint_coordinates,
     relative_motion,
+    row_sizes,
+    velocity_sizes,
 )
 from consilience.mechanism.joint_rows import joint_frames, row_jacobian, scatter
 from consilience.mechanism.joints import JOINT_KINDS
@@ -38,11 +40,12 @@ from consilience.mechanism.spatial import (
     rotation_from_quaternion,
     rotation_vector_from_quaternion,
 )
+from consilience.mechanism.units import characteristic_length
 
 MAX_ITERATIONS = 30
 CONVERGED = 1e-13
-_MOST_FAILED = 50
-"""Random steps in a row that may fail before the search for states ends."""
+LONGEST_WAY = 2000
+"""Largest number of further iterations for poses that are far away: one for each radian or characteristic length."""
 
 _SCALARS = {"distance": "Z", "x": "X", "y": "Y"}
 
@@ -175,9 +178,13 @@ def row_names(mechanism: Mechanism, held: HeldCoordinates, velocities: bool) -> 
         names += [f"rolling '{r.name}', slip" for r in mechanism.rollings for _ in range(2)]
         names += [f"skate '{s.name}'" for s in mechanism.skates]
     for joint, coordinate, _ in held:
-        width = 3 if coordinate in ("position", "orientation") else 1
-        names += [f"joint '{joint.name}', held {coordinate}"] * width
+        names += [f"joint '{joint.name}', held {coordinate}"] * _width(coordinate)
     return names
+
+
+def _width(coordinate: str) -> int:
+    """Return the number of rows that hold a coordinate."""
+    return 3 if coordinate in ("position", "orientation") else 1
 
 
 def linear_system(mechanism: Mechanism, state: State, held: HeldCoordinates, t: float) -> tuple[Array, Array]:
@@ -193,6 +200,12 @@ def _residual(mechanism: Mechanism, state: State, held: HeldCoordinates, t: floa
 def _jacobian(mechanism: Mechanism, state: State, held: HeldCoordinates, t: float) -> Array:
     rows = [scatter(mechanism, joint, held_rows(mechanism, state, joint, name)) for joint, name, _ in held]
     return np.vstack([constraint_jacobian(mechanism, state, t=t)[: mechanism.holonomic_count], *rows])
+
+
+def _held_sizes(mechanism: Mechanism, held: HeldCoordinates) -> Array:
+    """Return the size of each held row: the characteristic length for rows in m, one for others."""
+    lengths = [name in _SCALARS or name == "position" for _, name, _ in held for _ in range(_width(name))]
+    return np.where(lengths, characteristic_length(mechanism), 1.0)
 
 
 def assemble_positions(
@@ -214,25 +227,28 @@ def assemble_positions(
         No solution; the message names the constraint that stays violated, or the joint that closes flipped over.
     """
     held = held or []
-    state = guess
-    residual = _residual(mechanism, state, held, t)
+    rows = np.concatenate([row_sizes(mechanism)[: mechanism.holonomic_count], _held_sizes(mechanism, held)])
+    columns, state = velocity_sizes(mechanism), guess
+    residual = _residual(mechanism, state, held, t) / rows
     error = largest_residual(residual)
-    for _ in range(MAX_ITERATIONS):
+    iterations = MAX_ITERATIONS + int(min(error, LONGEST_WAY))
+    for _ in range(iterations):
         if error == 0.0:
             break
-        step = np.linalg.lstsq(_jacobian(mechanism, state, held, t), -residual, rcond=RANK_TOLERANCE)[0]
+        jacobian = _jacobian(mechanism, state, held, t) * columns / rows[:, None]
+        step = np.linalg.lstsq(jacobian, -residual, rcond=RANK_TOLERANCE)[0]
         # beyond a radian or so the linear model is meaningless
         step *= min(1.0, 1.0 / max(largest_residual(step), 1e-300))
-        trial = move(state, step)
-        trial_residual = _residual(mechanism, trial, held, t)
+        trial = move(state, columns * step)
+        trial_residual = _residual(mechanism, trial, held, t) / rows
         if error < CONVERGED and largest_residual(trial_residual) >= error:
             break
         state, residual, error = trial, trial_residual, largest_residual(trial_residual)
-    if error > CONVERGED * max(1.0, largest_residual(state.p_WB)):
+    if error > CONVERGED * max(1.0, largest_residual(state.p_WB) / characteristic_length(mechanism)):
         worst = int(np.argmax(np.abs(residual)))
         raise CannotAssemble(
             f"mechanism '{mechanism.name}': {row_names(mechanism, held, velocities=False)[worst]}",
-            f"it stays violated by {abs(residual[worst]):.3g} after {MAX_ITERATIONS} iterations",
+            f"it stays violated by {abs(residual[worst] * rows[worst]):.3g} after {iterations} iterations",
             "Draw the mechanism closer to an assembled pose, or hold fewer or other joint coordinates.",
         )
     refuse_flipped(mechanism, state)
@@ -281,19 +297,24 @@ def assemble_velocities(
     for joint, coordinate, value in held:
         jacobian.append(scatter(mechanism, joint, held_rows(mechanism, state, joint, coordinate)))
         target.append(np.atleast_1d(np.asarray(value, dtype=float)))
-    Q, nu = np.vstack(jacobian), np.concatenate(target)
-    v = np.hstack([state.v_WB_W, state.w_WB_W]).ravel()
+    rows = np.concatenate([row_sizes(mechanism), _held_sizes(mechanism, held)])
+    columns = velocity_sizes(mechanism)
+    Q, nu = np.vstack(jacobian) * columns / rows[:, None], np.concatenate(target) / rows
+    v = np.hstack([state.v_WB_W, state.w_WB_W]).ravel() / columns
     for _ in range(2):  # the second pass removes the rounding of the first
         v = v + np.linalg.lstsq(Q, nu - Q @ v, rcond=RANK_TOLERANCE)[0]
     error = Q @ v - nu
-    if largest_residual(error) > 1e-10 * max(1.0, largest_residual(v)):
-        worst = int(np.argmax(np.abs(error)))
+    allowed = 1e-10 * max(largest_residual(nu), largest_residual(v))
+    if largest_residual(error) > allowed:
+        asked = np.arange(len(error)) >= mechanism.constraint_count()
+        # name a rate that was asked for, rather than the constraint that opposes it
+        worst = int(np.argmax(np.where(asked & (np.abs(error) > allowed), np.inf, np.abs(error))))
         raise CannotAssemble(
             f"mechanism '{mechanism.name}': {row_names(mechanism, held, velocities=True)[worst]}",
-            f"its rate stays wrong by {abs(error[worst]):.3g}: the held rates contradict the joints",
+            f"its rate stays wrong by {abs(error[worst] * rows[worst]):.3g}: the held rates contradict the joints",
             "Hold no more rates than the mechanism has degrees of freedom.",
         )
-    both = v.reshape(-1, 6)
+    both = (v * columns).reshape(-1, 6)
     return State(state.p_WB, state.quat_WB, both[:, :3], both[:, 3:])
 
 
@@ -317,82 +338,3 @@ def initial_state(mechanism: Mechanism, initial: Initial | None = None, t: float
             np.array(both, dtype=object), (2, 3), f"initial.velocities: body '{name}'", hint
         )
     return assemble_velocities(mechanism, State(placed.p_WB, placed.quat_WB, v, w), rates, t)
-
-
-def _free_motion(
-    mechanism: Mechanism, state: State, rng: np.random.Generator, holonomic: bool = False, scale: float = 1.0
-) -> Array:
-    """Return a random vector of the free directions, shape (6 n_b,), each component of standard deviation `scale`.
-
-    Parameters
-    ----------
-    state : State
-        Consistent state of the mechanism.
-    rng : Generator
-    holonomic : bool
-        A displacement, m and rad; default: a velocity, m/s and rad/s.
-    scale : float
-    """
-    basis = free_directions(mechanism, state, holonomic)
-    return basis @ rng.normal(scale=scale, size=basis.shape[1])
-
-
-def random_states(mechanism: Mechanism, start: State, count: int, seed: int, speed: float = 2.0) -> list[State]:
-    """Return consistent states on the branch of `start`: a random walk on the constraint manifold, random velocities.
-
-    Parameters
-    ----------
-    start : State
-        Consistent state of the mechanism.
-    count, seed : int
-        The same seed gives the same states.
-    speed : float, m/s and rad/s
-        Standard deviation of the velocity along each free direction.
-    """
-    rng = np.random.default_rng(seed)
-    states: list[State] = []
-    state = start
-    failed = 0
-    while len(states) < count:
-        if failed == _MOST_FAILED:
-            raise CannotAssemble(
-                f"mechanism '{mechanism.name}'",
-                f"{failed} random steps away from a state of it led nowhere",
-                "Ask for fewer states (instant.states = 1 asks for the initial one alone).",
-            )
-        step = _free_motion(mechanism, state, rng, holonomic=True)
-        step *= 0.25 / max(largest_residual(step), 1e-300)
-        try:
-            state = assemble_positions(mechanism, move(state, step))
-        except CannotAssemble:
-            failed += 1
-            continue  # no pose near there: draw another step
-        failed = 0
-        velocity = _free_motion(mechanism, state, rng, scale=speed).reshape(-1, 6)
-        moving = State(state.p_WB, state.quat_WB, velocity[:, :3], velocity[:, 3:])
-        states.append(assemble_velocities(mechanism, moving))
-    return states
-
-
-def displaced_states(mechanism: Mechanism, start: State, size: float, count: int, seed: int = 0) -> list[State]:
-    """Return consistent states near `start`: poses and velocities changed in random free directions.
-
-    Parameters
-    ----------
-    start : State
-        Consistent state of the mechanism.
-    size : float, m and rad, m/s and rad/s
-        Length of the displacement, and of the change of velocity.
-    count, seed : int
-        The same seed gives the same states.
-    """
-    rng = np.random.default_rng(seed)
-    states = []
-    for _ in range(count):
-        step = _free_motion(mechanism, start, rng, holonomic=True)
-        placed = assemble_positions(mechanism, move(start, size * step / max(float(np.linalg.norm(step)), 1e-300)))
-        push = _free_motion(mechanism, placed, rng)
-        change = (size * push / max(float(np.linalg.norm(push)), 1e-300)).reshape(-1, 6)
-        moving = State(placed.p_WB, placed.quat_WB, placed.v_WB_W + change[:, :3], placed.w_WB_W + change[:, 3:])
-        states.append(assemble_velocities(mechanism, moving))
-    return states

@@ -1,5 +1,7 @@
 """Condition numbers: how far the equations of motion of a mechanism magnify rounding at a state.
 
+Lengths are counted in the mechanism's characteristic length: condition numbers do not depend on units.
+
 Rounding does not tell a wrong engine from a right one, and an engine may choose how it solves the equations. With the
 mass matrix M of all bodies and the constraint Jacobian Q, five condition numbers stand for what engines do:
 
@@ -21,7 +23,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from consilience.mechanism.constraints import RANK_TOLERANCE, constraint_jacobian, free_directions
+from consilience.mechanism.constraints import RANK_TOLERANCE, null_space, scaled_jacobian, velocity_sizes
 from consilience.mechanism.elementary_tree import Coordinate, Link, Tree, coordinates, to_elementary_tree
 from consilience.mechanism.model import Mechanism, State
 from consilience.mechanism.observables import centres_of_mass, world_inertias
@@ -43,18 +45,20 @@ def worst_condition(mechanism: Mechanism, state: State) -> float:
 
 def _mass_roots(mechanism: Mechanism, state: State) -> list[Array]:
     """Root B (6, 6) of the mass matrix of every body about its origin, ``M = B^T B``."""
+    sizes = velocity_sizes(mechanism)[:6]
     arms = centres_of_mass(mechanism, state)[0] - state.p_WB
     roots = []
     for body, arm, inertia in zip(mechanism.bodies, arms, world_inertias(mechanism, state), strict=True):
         m = np.sqrt(body.mass)
-        roots.append(np.block([[m * np.eye(3), -m * skew(arm)], [np.zeros((3, 3)), np.linalg.cholesky(inertia).T]]))
+        root = np.block([[m * np.eye(3), -m * skew(arm)], [np.zeros((3, 3)), np.linalg.cholesky(inertia).T]])
+        roots.append(root * sizes)
     return roots
 
 
 def _free_singular_values(mechanism: Mechanism, state: State) -> tuple[Array, list[Array]]:
     """Singular values of B N, the roots of the eigenvalues of ``N^T M N``, falling; and the roots B of all bodies."""
     roots = _mass_roots(mechanism, state)
-    N = free_directions(mechanism, state)
+    N = null_space(scaled_jacobian(mechanism, state))
     moving = np.vstack([B @ N[6 * i : 6 * i + 6] for i, B in enumerate(roots)])
     return np.linalg.svd(moving, compute_uv=False), roots
 
@@ -125,7 +129,7 @@ def _across_joint(link: Link, q: Coordinate, R_parent: Array) -> tuple[Array, Ar
 
 def _constraint_condition(mechanism: Mechanism, state: State, unit_diagonal: bool) -> float:
     """Condition number of ``A = Q M^-1 Q^T`` on its rank, from the singular values of ``M^-1/2 Q^T``."""
-    Q = constraint_jacobian(mechanism, state)
+    Q = scaled_jacobian(mechanism, state)
     if len(Q) == 0:
         return 1.0
     roots = _mass_roots(mechanism, state)

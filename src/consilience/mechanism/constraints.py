@@ -33,6 +33,7 @@ from consilience.mechanism.joint_rows import (
 from consilience.mechanism.joints import JOINT_KINDS
 from consilience.mechanism.model import Joint, Mechanism, State
 from consilience.mechanism.spatial import Array, cross, quaternion_from_rotation
+from consilience.mechanism.units import characteristic_length
 
 RANK_TOLERANCE = 1e-8
 """Singular values below this fraction of the largest count as zero: constraint rows off the manifold by a drift d
@@ -117,13 +118,36 @@ def constraint_gamma(
     return np.array(values)
 
 
+def row_sizes(mechanism: Mechanism) -> Array:
+    """Return the size of each constraint row, shape (q,): the characteristic length for rows in m, one for others."""
+    lengths = [row[0] != "D" for joint in mechanism.joints for row in joint.rows]
+    lengths += [drive.coordinate == "distance" for drive in mechanism.drives]
+    lengths += [coupling.coordinate == "distance" for coupling in mechanism.couplings]
+    lengths += [True] * (mechanism.constraint_count() - len(lengths))  # contact and slip of rolling bodies, skates
+    return np.where(lengths, characteristic_length(mechanism), 1.0)
+
+
+def velocity_sizes(mechanism: Mechanism) -> Array:
+    """Return the size of each component of all body velocities, shape (6 n_b,): characteristic length, and one."""
+    return np.tile(np.repeat([characteristic_length(mechanism), 1.0], 3), len(mechanism.bodies))
+
+
+def scaled_jacobian(mechanism: Mechanism, state: State, t: float = 0.0) -> Array:
+    """Return the constraint Jacobian with lengths counted in characteristic lengths, shape (q, 6 n_b).
+
+    Its rank does not depend on the unit of length.
+    """
+    return constraint_jacobian(mechanism, state, t=t) * velocity_sizes(mechanism) / row_sizes(mechanism)[:, None]
+
+
 def free_directions(mechanism: Mechanism, state: State, holonomic: bool = False, t: float = 0.0) -> Array:
     """Return an orthonormal basis of the velocities that the constraints allow, shape (6 n_b, freedom).
 
     With `holonomic`, a basis of the allowed displacements: non-holonomic rows constrain velocities, not positions.
     """
-    Q = constraint_jacobian(mechanism, state, t=t)
-    return null_space(Q[: mechanism.holonomic_count] if holonomic else Q)
+    Q = scaled_jacobian(mechanism, state, t)
+    basis = null_space(Q[: mechanism.holonomic_count] if holonomic else Q)
+    return np.linalg.qr(velocity_sizes(mechanism)[:, None] * basis)[0]
 
 
 def null_space(A: Array) -> Array:

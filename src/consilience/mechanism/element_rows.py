@@ -20,7 +20,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from consilience.mechanism.elements import Rolling, Skate
+from consilience.errors import CannotAssemble
+from consilience.mechanism.elements import Coupling, Drive, Rolling, Skate
+from consilience.mechanism.functions import Function
 from consilience.mechanism.joint_rows import (
     coordinate_gamma,
     coordinate_jacobian,
@@ -68,11 +70,32 @@ def _coordinate(
     )
 
 
+def _law_at(element: Drive | Coupling, law: Function, x: float, what: str) -> Array:
+    """Return value and two derivatives of a law; refuse an argument beyond its table.
+
+    Parameters
+    ----------
+    element : Drive or Coupling
+    law : Function
+    x : float, s, rad or m
+    what : str
+        Name of the argument, for the message.
+    """
+    f = law.at(x)
+    if law.table is not None and np.isnan(f[0]):
+        raise CannotAssemble(
+            f"{type(element).__name__.lower()} '{element.name}'",
+            f"its table reaches from {law.table.x[0]:g} to {law.table.x[-1]:g}, and {what} is {x:.6g}",
+            "Give a longer table, or a motion that stays within it.",
+        )
+    return f
+
+
 def holonomic_rows(mechanism: Mechanism, state: State, t: float, angles: Angles) -> list[ElementRow]:
     """Return the rows of drives, couplings and contacts of rolling bodies, in that order."""
     rows = []
     for drive in mechanism.drives:
-        f = drive.motion.at(t)
+        f = _law_at(drive, drive.motion, t, "the time")
         q, Q, gamma, _ = _coordinate(mechanism, state, drive.joint, drive.coordinate, float(f[0]))
         rows.append(ElementRow(q - f[0], Q, gamma + f[2]))
     for coupling in mechanism.couplings:
@@ -80,7 +103,7 @@ def holonomic_rows(mechanism: Mechanism, state: State, t: float, angles: Angles)
         driver, Q_driver, gamma_driver, rate = _coordinate(
             mechanism, state, coupling.driver_joint, coupling.driver_coordinate, near
         )
-        f = coupling.law.at(driver)
+        f = _law_at(coupling, coupling.law, driver, f"the {coupling.driver_coordinate} of '{coupling.driver_joint}'")
         q, Q, gamma, _ = _coordinate(mechanism, state, coupling.joint, coupling.coordinate, float(f[0]))
         rows.append(ElementRow(q - f[0], Q - f[1] * Q_driver, gamma - f[1] * gamma_driver + f[2] * rate**2))
     rows += [next(rolling_rows(mechanism, state, rolling)) for rolling in mechanism.rollings]

@@ -49,7 +49,7 @@ class Spring:
     """Spring-damper-actuator between two points.
 
     ``F = (k (L - L0) + c dL/dt - f(t)) e`` on the predecessor, e from predecessor to successor [MASS (30)-(32)]: a
-    positive f pushes the points apart.
+    positive f pushes the points apart. Where the points meet, see `spring_force`.
 
     Attributes
     ----------
@@ -75,6 +75,38 @@ class Spring:
 
     def __post_init__(self) -> None:
         _fix(self, "point_predecessor", "point_successor")
+
+    @property
+    def law(self) -> tuple[float, float, float]:
+        """Stiffness, damping and free length."""
+        return self.stiffness, self.damping, self.free_length
+
+
+NO_LENGTH = 1e-14
+"""Distance in m of two points that coincide but for rounding: their line has no direction."""
+
+
+def spring_force(law: tuple[float, float, float], push: float, d: Array, v: Array) -> Array:
+    """Return the force in N of a spring-damper-actuator on its predecessor, shape (3,).
+
+    Points that coincide have the limit of the law along their relative velocity, ``c v``; where free length or actuator
+    leave a force without a direction, the result is not a number.
+
+    Parameters
+    ----------
+    law : (k, c, L0)
+        Stiffness in N/m, damping in N s/m, free length in m.
+    push : float, N
+        Force of the actuator, positive to push the points apart.
+    d, v : ndarray, shape (3,), m and m/s
+        From the point on the predecessor to that on the successor, and its rate, in world axes.
+    """
+    stiffness, damping, free_length = law
+    length = math.sqrt(d @ d)
+    if length > NO_LENGTH:
+        e = d / length
+        return (stiffness * (length - free_length) + damping * float(e @ v) - push) * e
+    return damping * v if stiffness * free_length + push == 0.0 else np.full(3, math.nan)
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,15 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from consilience.mechanism.constraints import (
-    constraint_jacobian,
     joint_coordinates,
     joint_rates,
     null_space,
     relative_motion,
+    row_sizes,
+    scaled_jacobian,
 )
 from consilience.mechanism.joint_rows import joint_frames, row_jacobians
 from consilience.mechanism.model import GROUND, Joint, Mechanism, State
 from consilience.mechanism.spatial import Array, crosses, skew
+from consilience.mechanism.units import characteristic_length
 
 _DETERMINED_TOLERANCE = 1e-6
 """Largest reaction, in the null space of ``Q^T``, of a component that counts as determined: far above the rounding of a
@@ -150,15 +152,6 @@ def load_potentials(mechanism: Mechanism, motion: BodyMotion) -> Array:
     return energy
 
 
-def characteristic_length(mechanism: Mechanism) -> float:
-    """Return the longest rod, or arm from a body's origin to its centre of mass or a joint frame, m; 1 if none."""
-    arms = [b.com for b in mechanism.bodies]
-    arms += [j.F.p for j in mechanism.joints if j.predecessor != GROUND]
-    arms += [j.M.p for j in mechanism.joints if j.successor != GROUND]
-    lengths = [float(np.linalg.norm(a)) for a in arms] + [j.length for j in mechanism.joints]
-    return max(lengths) or 1.0
-
-
 def linear_momentum(mechanism: Mechanism, state: State) -> Array:
     """Return ``sum m v`` in kg m/s, shape (3,)."""
     return np.asarray(_masses(mechanism) @ centres_of_mass(mechanism, state)[1])
@@ -198,11 +191,12 @@ def determinate_reactions(mechanism: Mechanism, state: State) -> NDArray[np.bool
     Multipliers are unique up to the null space of ``Q^T``. A component is determined if that null space does not
     reach the component [C4 section 4.2.3, EXU]; any other one is the solver's choice and must never be compared.
     """
-    free = null_space(constraint_jacobian(mechanism, state).T)
+    free = null_space(scaled_jacobian(mechanism, state).T) / row_sizes(mechanism)[:, None]
+    arm = np.repeat([characteristic_length(mechanism), 1.0], 3)  # forces and torques as efforts of one size
     determined, start = [], 0
     for joint in mechanism.joints:
         rows = slice(start, start + len(joint.rows))
         start = rows.stop
-        free_reactions = np.linalg.norm(reaction_map(mechanism, state, joint) @ free[rows], axis=1)
+        free_reactions = arm * np.linalg.norm(reaction_map(mechanism, state, joint) @ free[rows], axis=1)
         determined.append(free_reactions < _DETERMINED_TOLERANCE)
     return np.array(determined)

@@ -17,10 +17,11 @@ from consilience.mechanism.applied_forces import Wrenches, applied_wrenches
 from consilience.mechanism.constraints import free_directions
 from consilience.mechanism.joint_rows import joint_frames
 from consilience.mechanism.model import GROUND, Joint, Mechanism, State
-from consilience.mechanism.observables import characteristic_length, mass_matrix, world_inertias
+from consilience.mechanism.observables import mass_matrix, world_inertias
 from consilience.mechanism.perturbation import AXIS, COEFFICIENT, GRAVITY, INERTIA, MASS, OBLIQUE, PLACE
 from consilience.mechanism.perturbation import PhysicalParameter as Parameter
 from consilience.mechanism.spatial import Array, cross
+from consilience.mechanism.units import characteristic_length
 
 _SMALL = 1e-6
 """Relative error of a coefficient; wrenches are linear in nearly all of them."""

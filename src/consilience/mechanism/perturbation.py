@@ -19,8 +19,8 @@ from consilience.mechanism.assembly import assemble_positions, assemble_velociti
 from consilience.mechanism.constraints import free_directions
 from consilience.mechanism.functions import Function, Table
 from consilience.mechanism.model import GROUND, Frame, Joint, Mechanism, State
-from consilience.mechanism.observables import characteristic_length
 from consilience.mechanism.spatial import Array, quaternion_from_rotation_vector, rotation_from_quaternion
+from consilience.mechanism.units import characteristic_length
 
 GRAVITY, MASS, INERTIA, PLACE, AXIS, COEFFICIENT = KINDS = (
     "gravity",

@@ -15,8 +15,9 @@ from consilience.mechanism.assembly import move
 from consilience.mechanism.constraints import free_directions
 from consilience.mechanism.elements import Spring
 from consilience.mechanism.model import Mechanism, State
-from consilience.mechanism.observables import SampledMotion, body_point, characteristic_length, mass_matrix
+from consilience.mechanism.observables import SampledMotion, body_point, mass_matrix
 from consilience.mechanism.spatial import Array
+from consilience.mechanism.units import characteristic_length, in_units, own_units
 
 DISPLACEMENT = 1e-5
 """Displacement of the difference quotients relative to the largest entry of a direction: central, error 1e-10."""
@@ -40,6 +41,8 @@ def fastest_rate(mechanism: Mechanism, state: State, t: float = 0.0) -> float:
     t : float, s
         Time of functions of time.
     """
+    units = own_units(mechanism)  # displacements are in characteristic lengths
+    mechanism, state = in_units(mechanism, *units), units.convert(state)
     spin = float(np.max(np.linalg.norm(state.w_WB_W, axis=1), initial=0.0))
     m = mechanism
     if not (m.springs or m.joint_springs or m.frictions or m.controls or m.loads):

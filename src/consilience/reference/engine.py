@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 from importlib.metadata import version
 
 import numpy as np
@@ -20,7 +21,7 @@ from consilience.engine import (
     Unsupported,
 )
 from consilience.errors import NumericalFailure
-from consilience.mechanism import Array, Mechanism, State, free_directions, mass_properties
+from consilience.mechanism import Array, Mechanism, State, free_directions, in_units, mass_properties, own_units
 from consilience.reference.formulations import registry
 from consilience.reference.impacts import contact_motion, simulate_with_impacts
 from consilience.reference.solver import accelerations, simulate
@@ -49,8 +50,15 @@ _SUBSTEPS = (4, 8, 16)
 """Steps per sample interval of a formulation with constant steps."""
 
 
+_in_units = lru_cache(maxsize=8)(in_units)
+"""Mechanisms in their own units: the solver keeps what it has prepared for a mechanism."""
+
+
 class ReferenceEngine:
     """Reference engine: relative joint coordinates for motions, descriptor form at instants, and a check of each.
+
+    Mechanisms are computed in their own units of length and mass (`own_units`), so that tolerances and ranks do not
+    depend on those of a case.
 
     Parameters
     ----------
@@ -115,7 +123,9 @@ class ReferenceEngine:
         for contact in mechanism.contacts:
             if any(contact_motion(mechanism, state, contact).gap <= 0.0 for state in states):
                 raise NumericalFailure(f"contact '{contact.name}' is closed: an impact has no accelerations")
-        return accelerations(replace(mechanism, contacts=()), states, method.name)
+        units = own_units(mechanism)
+        own = replace(in_units(mechanism, *units), contacts=())
+        return units.inverse.convert(accelerations(own, [units.convert(state) for state in states], method.name))
 
     def trajectory(
         self, mechanism: Mechanism, state: State, times: Array, method: Method, step: float
@@ -133,10 +143,12 @@ class ReferenceEngine:
         step : float
             Tolerance, or for a formulation with constant steps the step, s.
         """
-        if mechanism.contacts:
+        if mechanism.contacts:  # lengths and speeds are relative there, and messages name them
             return simulate_with_impacts(mechanism, state, np.asarray(times), mechanism.contacts, step)[0]
+        units = own_units(mechanism)
+        own, start = _in_units(mechanism, *units), units.convert(state)
         formulation, integrator, _ = _OTHER.get(method.name, (method.name, None, ()))
-        return simulate(mechanism, state, np.asarray(times), step, formulation, integrator)
+        return units.inverse.convert(simulate(own, start, np.asarray(times), step, formulation, integrator))
 
 
 def _motion(name: str, tolerances: tuple[float, ...]) -> Method:

@@ -12,11 +12,13 @@ from consilience.mechanism import (
     Array,
     Mechanism,
     State,
+    body_point,
     continuous_in_time,
     kinetic_energy,
     potential_energy,
     require_states,
 )
+from consilience.mechanism.elements import NO_LENGTH
 from consilience.reference.bodies.arrays import flatten, pack, workspace
 from consilience.reference.bodies.canonical import canonical_motion, sample_times
 from consilience.reference.bodies.forces import count_turns
@@ -82,7 +84,22 @@ def simulate(
         return registry.system(formulation)(mechanism, state, times, tolerance)
     if not 1e-14 <= tolerance <= 1e-3:
         raise InvalidInput("tolerance", f"{tolerance} is out of range", "Choose 1e-14 to 1e-3.")
-    times = sample_times(times)
+    try:
+        return _simulate(mechanism, state, sample_times(times), tolerance, formulation, integrator, forces)
+    except NumericalFailure as error:
+        raise NumericalFailure(f"{error}{_causes(mechanism, state)}") from None
+
+
+def _simulate(
+    mechanism: Mechanism,
+    state: State,
+    times: Array,
+    tolerance: float,
+    formulation: str,
+    integrator: str | None,
+    forces: AppliedForces | None,
+) -> TrajectoryAnswer:
+    """Integrate as `simulate` by the first of the compiled and interpreted ways that serves."""
     if forces is None and formulation == "relative" and (integrator is None or integrator in INTEGRATORS):
         return simulate_relative(mechanism, state, times, tolerance, integrator)
     integrator = integrator or "dop853"
@@ -124,6 +141,20 @@ def _compiled(mechanism: Mechanism, state: State, times: Array, tolerance: float
     return TrajectoryAnswer(times, p, quat, v, w, counts_of(scratch.run))
 
 
+def _causes(mechanism: Mechanism, state: State) -> str:
+    """Name elements that can make accelerations of a motion from a state not finite."""
+    found = []
+    for s in mechanism.springs:
+        ends = (s.predecessor, s.point_predecessor), (s.successor, s.point_successor)
+        (p_i, _), (p_j, _) = (body_point(mechanism, state, name, point) for name, point in ends)
+        if np.linalg.norm(p_j - p_i) <= NO_LENGTH and (s.stiffness * s.free_length or s.actuator):
+            found.append(f"spring '{s.name}' has no length at the start, and its force no direction")
+    for c in mechanism.couplings:
+        if c.law.table is not None and not c.law.table.periodic:
+            found.append(f"coupling '{c.name}' has no value beyond its table")
+    return "".join(f"; {cause}" for cause in found)
+
+
 def accelerations(
     mechanism: Mechanism, states: Sequence[State], formulation: str = "descriptor", t: float = 0.0
 ) -> InstantAnswer:
@@ -144,7 +175,10 @@ def accelerations(
     equations = registry.formulation(formulation, mechanism)
     linear, angular, forces, torques = [], [], [], []
     for state in states:
-        a, alpha = equations.accelerations(state, t)
+        try:
+            a, alpha = equations.accelerations(state, t)
+        except NumericalFailure as error:
+            raise NumericalFailure(f"{error}{_causes(mechanism, state)}") from None
         linear.append(a)
         angular.append(alpha)
         reaction = equations.reactions(state, t)

@@ -24,10 +24,10 @@ from consilience.mechanism import (
     body_point,
     centres_of_mass,
     characteristic_length,
-    constraint_jacobian,
     constraint_residual,
     determinate_reactions,
     joint_frames,
+    scaled_jacobian,
     world_inertias,
 )
 from consilience.report.selection import grouped
@@ -67,7 +67,7 @@ class Anatomy:
 
 def anatomy(mechanism: Mechanism, state: State) -> Anatomy:
     """Determine the facts of a mechanism at a consistent state."""
-    Q = constraint_jacobian(mechanism, state)
+    Q = scaled_jacobian(mechanism, state)
     width, q = 6 * len(mechanism.bodies), len(Q)
     U, singular, _ = np.linalg.svd(Q) if q else (np.zeros((0, 0)), np.zeros(0), None)
     rank = int(np.sum(singular > RANK_TOLERANCE * singular[0])) if q else 0

@@ -161,7 +161,11 @@ def _case(case: Case, questions: Sequence[Question]) -> dict[str, Any]:
 
 def _undetermined(case: Case) -> dict[str, list[int]]:
     """Count, for each joint and component of its reaction, the states in which equilibrium does not determine it."""
-    determined = [determinate_reactions(case.mechanism, state) for state in case.states]
+    try:
+        states = case.states
+    except InvalidInput:  # the comparisons of the case say why
+        return {}
+    determined = [determinate_reactions(case.mechanism, state) for state in states]
     counts = np.sum(~np.array(determined), axis=0)
     return {j.name: [int(n) for n in c] for j, c in zip(case.mechanism.joints, counts, strict=True) if np.any(c)}
 

@@ -113,7 +113,7 @@ def _plain(values: Array) -> list[float | None]:
 
 
 def replays(cases: Sequence[Case], runs: Sequence[Run]) -> str:
-    """Write the text of ``replay.json``: the replays of all cases."""
+    """Write the text of ``replay.json``: the replays of all cases that can be assembled."""
     of_case = grouped((run.case, run) for run in runs)
-    found = [replay_of(case, of_case.get(case.name, [])) for case in cases]
+    found = [replay_of(case, of_case.get(case.name, [])) for case in cases if not case.unassembled]
     return json.dumps({"format": FORMAT, "cases": found}, allow_nan=False, separators=(",", ":"))

@@ -16,7 +16,7 @@ import numpy as np
 from consilience.case import Case
 from consilience.compare import Prospect, ReferenceMotion
 from consilience.compare.horizon import PERTURBATION
-from consilience.compare.judge import DISPLACED_START, REFERENCE, STABLE, stable_levels, unstable
+from consilience.compare.judge import DISPLACED_START, FAULTS_OF_A_CASE, REFERENCE, STABLE, stable_levels, unstable
 from consilience.compare.power import MEASURED
 from consilience.compare.softness import SCALES
 from consilience.compare.uncertainty import MOST_LEVELS, affordable, needs_another_level
@@ -330,7 +330,10 @@ def ask_case(
     if isinstance(reply.value, Plan):
         engine_case = EngineCase(worker, case, reply.value, thoroughness, store, info, reference_motion)
         for question in questions:
-            yield from engine_case.question(question)
+            try:
+                yield from engine_case.question(question)
+            except FAULTS_OF_A_CASE as error:
+                yield Run(case.name, worker.engine, question, None, 0, None, Status.FAILED, reason=str(error))
         return
     log = reply.log
     if store is not None and info is not None:

@@ -232,9 +232,6 @@ def run_suite(
     _refuse_single(cases=(cases, Case), engines=(engines, str), questions=(questions, Question))
     cases = [thoroughness.case(case) for case in cases]
     names = [REFERENCE, *(name for name in engines if name != REFERENCE)]
-    for case in cases:
-        # assembled before any worker starts: a case that cannot be assembled is bad input, not a failed run
-        _ = case.states if any(q.at_states for q in questions) else case.initial_state
     results = Results(cases, list(questions), thoroughness=thoroughness)
     found: dict[tuple[str, int], list[Run]] = {}
     judged: dict[int, list[Comparison]] = {}
@@ -242,7 +239,7 @@ def run_suite(
     jobs = min(resources.jobs, len(names)) if cluster is None else min(cluster.tasks, len(names) * len(cases))
     cold = jobs > 1 and cluster is None and any(q.over_time for q in questions) and not compiled()
     with (
-        compiled_beside(cases, limit, memory) if cold else nullcontext(),
+        compiled_beside([case for case in cases if not case.unassembled], limit, memory) if cold else nullcontext(),
         _workers(names, limit, memory, cluster) as workers,
         closing(_in_parallel(_Suite(results, workers, thoroughness, store, together), jobs)) as done,
     ):

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from consilience.audit.identities.units import in_units
 from consilience.engine import InstantAnswer
 from consilience.mechanism import (
     GROUND,
@@ -21,7 +20,9 @@ from consilience.mechanism import (
     Joint,
     Mechanism,
     State,
+    Units,
     cross,
+    in_units,
     joint_frames,
     quaternion_from_rotation,
     quaternion_product,
@@ -205,19 +206,9 @@ def _swap(joint: Joint, turn: Array) -> Joint:
 
 def scaled_units(mechanism: Mechanism, length: float, mass: float, time: float) -> Description:
     """Describe a mechanism in other units: how many of the new units make a metre, a kilogram, a second."""
-    second = in_units(mechanism, length, mass, time)
-    acceleration, energy = length / time**2, mass * length**2 / time**2
-    units = {"a_WB_W": acceleration, "alpha_WB_W": 1.0 / time**2, "force_F": mass * acceleration}
-    units |= dict.fromkeys(("torque_F", "kinetic", "potential"), energy)
-
-    def state(s: State) -> State:
-        return State(s.p_WB * length, s.quat_WB, s.v_WB_W * length / time, s.w_WB_W / time)
-
-    def answer(_: Sequence[State], a: InstantAnswer) -> InstantAnswer:
-        """Convert every quantity back to m, kg and s."""
-        return replace(a, **{name: old / units[name] for name, old in vars(a).items() if old is not None})
-
-    return Description(second, state, answer)
+    units = Units(length, mass, time)
+    second = in_units(mechanism, *units)
+    return Description(second, units.convert, lambda _, a: units.inverse.convert(a))
 
 
 def split(mechanism: Mechanism) -> Description:

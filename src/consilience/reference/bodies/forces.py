@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from consilience.mechanism import Array
+from consilience.mechanism.elements import NO_LENGTH
 from consilience.reference.bodies.arrays import Model, Workspace
 from consilience.reference.bodies.joint_rows import CoordinateRow, coordinate
 from consilience.reference.bodies.motion import ZERO, arm, motion, rotations
@@ -139,6 +140,19 @@ def read(model: Model, y: Array, A: Array, near: Array, value: Array, rate: Arra
         value[n], rate[n] = q.value, q.rate
 
 
+@inner
+def spring_force(law: Vector, push: float, d: Vector, v: Vector) -> Vector:
+    """Return the force ``(k (L - L0) + c L' - f(t)) e`` on the predecessor for law = (k, c, L0).
+
+    At L = 0 it is the limit along the relative velocity of the points; a force without a direction is not a number.
+    """
+    L = np.sqrt(dot(d, d))
+    if L > NO_LENGTH:
+        e = scale(1.0 / L, d)
+        return scale(law[0] * (L - law[2]) + law[1] * dot(e, v) - push, e)
+    return scale(law[1] if law[0] * law[2] + push == 0.0 else np.nan, v)
+
+
 @inlined
 def _springs(model: Model, t: float, y: Array, A: Array, f: Array) -> None:
     """Add ``F = (k (L - L0) + c L' - f(t)) e`` on the predecessor, the opposite on the successor [MASS (31)].
@@ -158,11 +172,9 @@ def _springs(model: Model, t: float, y: Array, A: Array, f: Array) -> None:
         r_i, v_i, w_i = motion(y, A, i)
         r_j, v_j, w_j = motion(y, A, j)
         d = sub(add(r_j, s_j), add(r_i, s_i))
-        L = np.sqrt(dot(d, d))
-        e = scale(1.0 / L, d)
-        rate = dot(e, sub(add(v_j, cross(w_j, s_j)), add(v_i, cross(w_i, s_i))))
-        actuator = _factor(model, spring.actuator, t, 0.0)
-        force = scale(spring.stiffness * (L - spring.rest) + spring.damping * rate - actuator, e)
+        v = sub(add(v_j, cross(w_j, s_j)), add(v_i, cross(w_i, s_i)))
+        push, law = _factor(model, spring.actuator, t, 0.0), (spring.stiffness, spring.damping, spring.rest)
+        force = spring_force(law, push, d, v)
         _push(f, A, i, force, s_i, ZERO)
         _push(f, A, j, scale(-1.0, force), s_j, ZERO)
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from consilience.mechanism import Array
-from consilience.reference.bodies.forces import friction_effort
+from consilience.reference.bodies.forces import friction_effort, spring_force
 from consilience.reference.bodies.joint_rows import full_turns
 from consilience.reference.kernel import functions
 from consilience.reference.kernel.compiled import fused, inner, kernel
@@ -229,12 +229,10 @@ def _spring(force_table: Array, n: int, link: Array, actuator: float) -> None:
     s_i = rotate_pair(pair(link[i].turn), pair(force_table[n].arm_i))
     s_j = rotate_pair(pair(link[j].turn), pair(force_table[n].arm_j))
     d, v, _ = _between(link, i, j, s_i, s_j)
-    L = np.sqrt(_dot(d, d) + h * h)
-    e = d[0] / L, d[1] / L
-    stiffness, damping, free_length = load(force_table[n].law)
-    force = stiffness * (L - free_length) + damping * _dot(e, v) - actuator
-    _add_to_bias(link, i, force, (e[0], e[1], _cross(s_i, e)))
-    _add_to_bias(link, j, -force, (e[0], e[1], _cross(s_j, e)))
+    force = spring_force(load(force_table[n].law), actuator, (d[0], d[1], h), (v[0], v[1], 0.0))
+    e = force[0], force[1]
+    _add_to_bias(link, i, 1.0, (e[0], e[1], _cross(s_i, e)))
+    _add_to_bias(link, j, -1.0, (e[0], e[1], _cross(s_j, e)))
 
 
 @inner

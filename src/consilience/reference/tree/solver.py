@@ -147,22 +147,24 @@ def simulate_relative(
     request = MotionRequest(z, times, float(tolerance), prepared.longest)
     names = prepared.default_integrators if integrator is None else (integrator,)
     for name in names:
-        status, motion, counters = _run(prepared, name, request, name != names[-1])
+        status, motion, counters, time = _run(prepared, name, request, name != names[-1])
         if status != UNSUITABLE:
             break
     if status:
-        raise NumericalFailure(f"reference, relative, {name}, tolerance {tolerance:g}: {STATUS[status]}")
+        where = f"reference, relative, {name}, tolerance {tolerance:g}, at {time:.6g} s"
+        raise NumericalFailure(f"{where}: {STATUS[status]}")
     p, quat, v, w = canonical_motion(prepared.links.com, motion)
     return TrajectoryAnswer(times, p, quat, v, w, counters)
 
 
 def _run(
     prepared: _PreparedMechanism, name: str, request: MotionRequest, stop_if_stiff: bool
-) -> tuple[int, Array, dict[str, int | float]]:
-    """Integrate; return status, bodies at the samples, and counters."""
+) -> tuple[int, Array, dict[str, int | float], float]:
+    """Integrate; return status, bodies at the samples, counters, and the start of the last step, s."""
     working = prepared.working(name)
     motion = np.empty((len(request.times), *working.system.tree.y.shape))
     status = run(working.integration, request, motion, stop_if_stiff)
     if status in (0, UNSUITABLE):  # a failure may leave NaN in the arrays
         prepared.idle[name].append(working)
-    return status, motion, counts_of(working.integration.motion.run)
+    arrays = working.integration.motion.run
+    return status, motion, counts_of(arrays), float(arrays[0].t)

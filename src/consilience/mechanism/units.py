@@ -1,14 +1,78 @@
-"""A mechanism in other units, and with joint coordinates of the opposite sense."""
+"""Units: a mechanism, its states and answers in other units, and with joint coordinates of the opposite sense.
+
+Numbers depend on the units of length, mass and time, mechanics does not: tolerances, ranks and least displacements are
+the same for a watch and for a crane where lengths are counted in the mechanism's `characteristic_length`.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from consilience.mechanism import Body, Frame, Function, Mechanism, Table
+from consilience.mechanism.functions import Function, Table
+from consilience.mechanism.model import GROUND, Body, Frame, Mechanism
+
+_T = TypeVar("_T")
+
+
+class Units(NamedTuple):
+    """How many of the new units make a metre, a kilogram, a second."""
+
+    length: float = 1.0
+    mass: float = 1.0
+    time: float = 1.0
+
+    @property
+    def inverse(self) -> Units:
+        """Units that lead back."""
+        return Units(*(1.0 / one for one in self))
+
+    def convert(self, record: _T) -> _T:
+        """Convert the fields of a state or an answer whose names are in the table of dimensions; None stays None."""
+        known = {name: value for name, value in vars(record).items() if name in _DIMENSIONS and value is not None}
+        return replace(record, **{n: x * float(np.prod(np.power(self, _DIMENSIONS[n]))) for n, x in known.items()})  # type: ignore[type-var]
+
+
+_DIMENSIONS: dict[str, tuple[int, int, int]] = {
+    "p_WB": (1, 0, 0),
+    "v_WB_W": (1, 0, -1),
+    "w_WB_W": (0, 0, -1),
+    "a_WB_W": (1, 0, -2),
+    "alpha_WB_W": (0, 0, -2),
+    "force_F": (1, 1, -2),
+    "torque_F": (2, 1, -2),
+    "kinetic": (2, 1, -2),
+    "potential": (2, 1, -2),
+    "mass": (0, 1, 0),
+    "com": (1, 0, 0),
+    "inertia": (2, 1, 0),
+    "time": (0, 0, 1),
+}
+"""Powers of length, mass and time of the fields of states and answers."""
+
+
+def characteristic_length(mechanism: Mechanism) -> float:
+    """Return the longest rod, or arm from a body's origin to its centre of mass or a joint frame, m.
+
+    If there is none: the largest radius of gyration of a body about its centre of mass.
+    """
+    arms = [b.com for b in mechanism.bodies]
+    arms += [j.F.p for j in mechanism.joints if j.predecessor != GROUND]
+    arms += [j.M.p for j in mechanism.joints if j.successor != GROUND]
+    lengths = [float(np.linalg.norm(a)) for a in arms] + [j.length for j in mechanism.joints]
+    return max(lengths) or max(float(np.sqrt(np.linalg.norm(b.inertia, 2) / b.mass)) for b in mechanism.bodies)
+
+
+def own_units(mechanism: Mechanism) -> Units:
+    """Return the units nearest to characteristic length and total mass whose factors are powers of two, and the second.
+
+    With these a conversion rounds nothing.
+    """
+    sizes = characteristic_length(mechanism), sum(b.mass for b in mechanism.bodies)
+    return Units(*(float(2.0 ** -np.round(np.log2(size))) for size in sizes))
 
 
 def rescaled(function: Function, value: float, argument: float) -> Function:
@@ -43,6 +107,7 @@ _FACTORS: dict[str, dict[str, str]] = {
     "couplings": {"law": "coordinate"},
     "rollings": {"center": "length", "point": "length", "radius": "length", "rounding": "length"},
     "skates": {"point": "length"},
+    "contacts": dict.fromkeys(("center", "corner", "point", "partner_center", "radius", "partner_radius"), "length"),
 }
 """Dimension of each number, vector or function of each kind of element; see `_factors`."""
 
@@ -108,7 +173,7 @@ def in_units(
         factors = _factors(length, force, time, own, effort)
         new: dict[str, Any] = {}
         for name, dimension in dimensions.items():
-            old = getattr(element, name)
+            old = vars(element).get(name)
             if isinstance(old, Function):
                 new[name] = rescaled(old, factors[dimension], argument)
             elif old is not None:

@@ -1,0 +1,115 @@
+"""Random and displaced states: consistent states on the branch of another, drawn along the free directions.
+
+Displacements count rad and characteristic lengths of the mechanism alike: the same seed gives the same angles at any
+size of a mechanism.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from consilience.errors import CannotAssemble
+from consilience.mechanism.assembly import assemble_positions, assemble_velocities, largest_residual, move
+from consilience.mechanism.constraints import null_space, scaled_jacobian, velocity_sizes
+from consilience.mechanism.model import Mechanism, State
+from consilience.mechanism.spatial import Array
+
+STEPS = (0.05, 0.45)
+"""Least and greatest displacement from one random state to the next, rad or characteristic lengths."""
+
+_MOST_FAILED = 50
+"""Random steps in a row that may fail before the search for states ends."""
+
+
+def _free_motion(mechanism: Mechanism, state: State, rng: np.random.Generator, holonomic: bool = False) -> Array:
+    """Return a random vector of the free directions, shape (6 n_b,): each component normal of standard deviation one.
+
+    Lengths are in characteristic lengths.
+
+    Parameters
+    ----------
+    state : State
+        Consistent state of the mechanism.
+    rng : Generator
+    holonomic : bool
+        A displacement; default: a velocity.
+    """
+    Q = scaled_jacobian(mechanism, state)
+    basis = null_space(Q[: mechanism.holonomic_count] if holonomic else Q)
+    # a projection, the same for every basis of the free directions
+    return basis @ (basis.T @ rng.normal(size=len(basis)))
+
+
+def random_states(mechanism: Mechanism, start: State, count: int, seed: int, speed: float = 2.0) -> list[State]:
+    """Return consistent states on the branch of `start`: a random walk on the constraint manifold, random velocities.
+
+    Parameters
+    ----------
+    start : State
+        Consistent state of the mechanism.
+    count, seed : int
+        The same seed gives the same states.
+    speed : float, rad/s and characteristic lengths per s
+        Standard deviation of the velocity along each free direction.
+    """
+    rng = np.random.default_rng(seed)
+    sizes = velocity_sizes(mechanism)
+    states: list[State] = []
+    state = start
+    failed = 0
+    while len(states) < count:
+        if failed == _MOST_FAILED:
+            raise CannotAssemble(
+                f"mechanism '{mechanism.name}'",
+                f"{failed} random steps away from a state of it led nowhere",
+                "Ask for fewer states (instant.states = 1 asks for the initial one alone).",
+            )
+        step = _free_motion(mechanism, state, rng, holonomic=True)
+        step *= rng.uniform(*STEPS) / max(largest_residual(step), 1e-300)
+        try:
+            placed = assemble_positions(mechanism, move(state, sizes * step))
+            velocity = (speed * sizes * _free_motion(mechanism, placed, rng)).reshape(-1, 6)
+            moving = State(placed.p_WB, placed.quat_WB, velocity[:, :3], velocity[:, 3:])
+            state = assemble_velocities(mechanism, moving)
+        except CannotAssemble:
+            failed += 1
+            continue  # no state near there: draw another step
+        failed = 0
+        states.append(state)
+    return states
+
+
+def displaced_states(
+    mechanism: Mechanism, start: State, size: float, count: int, seed: int = 0, rate: float = 1.0
+) -> list[State]:
+    """Return consistent states near `start`: poses and velocities changed in random free directions.
+
+    Parameters
+    ----------
+    start : State
+        Consistent state of the mechanism.
+    size : float, rad and characteristic lengths
+        Length of the displacement.
+    count, seed : int
+        The same seed gives the same states.
+    rate : float, 1/s
+        Length of the change of velocity over that of the displacement.
+
+    Returns
+    -------
+    list of State
+        None where the constraints leave nothing free, as in a mechanism that drives move alone.
+    """
+    rng = np.random.default_rng(seed)
+    sizes = velocity_sizes(mechanism)
+    states = []
+    for _ in range(count):
+        step = _free_motion(mechanism, start, rng, holonomic=True)
+        if not np.any(step):
+            break
+        placed = assemble_positions(mechanism, move(start, size * sizes * step / np.linalg.norm(step)))
+        push = _free_motion(mechanism, placed, rng)
+        change = (rate * size * sizes * push / max(float(np.linalg.norm(push)), 1e-300)).reshape(-1, 6)
+        moving = State(placed.p_WB, placed.quat_WB, placed.v_WB_W + change[:, :3], placed.w_WB_W + change[:, 3:])
+        states.append(assemble_velocities(mechanism, moving))
+    return states
