@@ -22,6 +22,9 @@ from consilience.mechanism.units import characteristic_length, in_units, own_uni
 DISPLACEMENT = 1e-5
 """Displacement of the difference quotients relative to the largest entry of a direction: central, error 1e-10."""
 
+PUSH = 1e-7
+"""The same for velocities: friction is steep within its speed, and forces have no large terms that cancel."""
+
 CHORDS = 64
 """Chords of an interpolated curve in a sample interval."""
 
@@ -55,13 +58,12 @@ def fastest_rate(mechanism: Mechanism, state: State, t: float = 0.0) -> float:
     def forces(at: State) -> Array:
         return np.asarray(N.T @ applied_wrenches(mechanism, at, t).total.ravel())
 
-    def slope(displaced: list[tuple[State, State]]) -> Array:
-        columns = [(forces(back) - forces(on)) / (2.0 * DISPLACEMENT) for on, back in displaced]
+    def slope(displaced: list[tuple[State, State]], size: float) -> Array:
+        columns = [(forces(back) - forces(on)) / (2.0 * size) for on, back in displaced]
         return np.column_stack(columns)
 
-    steps = DISPLACEMENT * N.T
-    K = slope([(move(state, d), move(state, -d)) for d in steps])
-    C = slope([(_pushed(state, d), _pushed(state, -d)) for d in steps])
+    K = slope([(move(state, DISPLACEMENT * d), move(state, -DISPLACEMENT * d)) for d in N.T], DISPLACEMENT)
+    C = slope([(_pushed(state, PUSH * d), _pushed(state, -PUSH * d)) for d in N.T], PUSH)
     M = N.T @ mass_matrix(mechanism, state) @ N
     zero, one = np.zeros((count, count)), np.eye(count)
     system = np.block([[zero, one], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
