@@ -14,11 +14,13 @@ from consilience.case.equations import later_equations
 from consilience.case.published import ACCELERATIONS, Published, read_motion, read_start, sample_of, scale_of
 
 if TYPE_CHECKING:
+    from consilience.case.drawing import Drawing
     from consilience.case.library import case_files, case_names, cases_like, load_case, load_cases, shipped_cases
 
 __all__ = [
     "ACCELERATIONS",
     "Case",
+    "Drawing",
     "Published",
     "case_files",
     "case_names",
@@ -37,4 +39,5 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module 'consilience.case' has no attribute '{name}'")
-    return getattr(import_module("consilience.case.library"), name)
+    module = "drawing" if name == "Drawing" else "library"
+    return getattr(import_module(f"consilience.case.{module}"), name)

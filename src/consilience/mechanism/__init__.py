@@ -81,6 +81,7 @@ from consilience.mechanism.observables import (
 from consilience.mechanism.parameter_effects import ParameterEffects
 from consilience.mechanism.perturbation import Perturbation, PhysicalParameter, physical_parameters, states_in_motion
 from consilience.mechanism.rates import fastest_rate, turning_rate
+from consilience.mechanism.solids import Solid, ball, bar, block
 from consilience.mechanism.spanning_tree import spanning_tree
 from consilience.mechanism.spatial import (
     Array,
@@ -136,6 +137,7 @@ __all__ = [
     "RelativeMotion",
     "Rolling",
     "Skate",
+    "Solid",
     "SpherePlane",
     "SphereSphere",
     "Spring",
@@ -147,6 +149,9 @@ __all__ = [
     "applied_wrenches",
     "assemble_positions",
     "assemble_velocities",
+    "ball",
+    "bar",
+    "block",
     "body_point",
     "centres_of_mass",
     "characteristic_length",

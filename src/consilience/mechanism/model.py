@@ -8,10 +8,11 @@ called ``ground``; B is the frame of a body. ``p_WB`` is the position of the ori
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, fields
 from functools import cached_property
 from numbers import Real
+from typing import ClassVar
 
 import numpy as np
 
@@ -164,7 +165,7 @@ class Joint:
 Element = Spring | JointSpring | Load | Friction | Control | Drive | Coupling | Rolling | Skate | Contact
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Mechanism:
     """Bodies, joints, force elements and gravity.
 
@@ -202,6 +203,16 @@ class Mechanism:
     rollings: tuple[Rolling, ...] = ()
     skates: tuple[Skate, ...] = ()
     contacts: tuple[Contact, ...] = ()
+
+    html: ClassVar[Callable[[Mechanism], str] | None] = None
+    """Function that draws a mechanism for notebooks: the library sets it, which knows how to draw."""
+
+    def __repr__(self) -> str:
+        elements = [f", {what} '{element.name}'" for what, element in self._elements]
+        return f"Mechanism '{self.name}': {len(self.bodies)} bodies, {len(self.joints)} joints{''.join(elements)}"
+
+    def _repr_html_(self) -> str | None:
+        return None if Mechanism.html is None else Mechanism.html(self)
 
     def __post_init__(self) -> None:
         where = f"mechanism '{self.name}'"

@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from consilience.engine import TrajectoryAnswer, solve_constrained
+from consilience.errors import InvalidInput
 from consilience.mechanism import (
     Angles,
     Array,
@@ -55,6 +56,24 @@ def reactions_over_time(mechanism: Mechanism, answer: TrajectoryAnswer, samples:
     ]
     lengths = np.linalg.norm(np.array(found).reshape(len(samples), -1, 2, 3), axis=3)
     return np.where(sure.reshape(-1, 2, 3).any(axis=2), lengths, np.nan)
+
+
+def reactions_over_samples(mechanism: Mechanism, answer: TrajectoryAnswer) -> Array:
+    """Return force and torque of every joint on its successor at all samples, shape (n_t, n_j, 6), as `reactions`.
+
+    Raises
+    ------
+    InvalidInput
+        States do not determine the reactions.
+    """
+    integrals = [f"control '{c.name}'" for c in mechanism.controls if c.integral]
+    undetermined = [*integrals, *(f"contact '{c.name}'" for c in mechanism.contacts)]
+    if undetermined:
+        what = f"they depend on more than the state: {undetermined[0]}"
+        raise InvalidInput("reactions", what, "Ask for those of mechanisms without integral controllers and contacts.")
+    turns = _turns(mechanism, answer, np.arange(len(answer.time)))
+    times = enumerate(zip(answer.time, turns, strict=True))
+    return np.array([reactions(mechanism, answer.state(k), t, angles) for k, (t, angles) in times])
 
 
 def _turns(mechanism: Mechanism, answer: TrajectoryAnswer, samples: Array) -> list[Angles]:

@@ -15,7 +15,7 @@ import numpy as np
 from consilience.case import Case
 from consilience.compare.judge import REFERENCE
 from consilience.engine import Profile, Run, TrajectoryAnswer
-from consilience.mechanism import Array, Mechanism
+from consilience.mechanism import Array, Mechanism, State
 from consilience.report.motion import chosen_samples, encoded_difference, encoded_poses
 from consilience.report.reactions import can_be_told, drift_over_time, reactions_over_time
 from consilience.report.replayschema import FORMAT
@@ -45,9 +45,15 @@ def replay_of(case: Case, runs: Sequence[Run]) -> Replay:
 
 
 def motion_alone(case: Case, answer: TrajectoryAnswer, how: str) -> Replay:
-    """Make the replay of a single motion in place of the reference."""
-    drawn, motion = scene(case.mechanism, case.initial_state), _motion({REFERENCE: (answer, how)})
-    return {"case": case.name, "seed": case.seed, "scene": drawn, "along": None, "motion": motion}
+    """Make the replay of a single motion of a case in place of the reference."""
+    found = replay_of_motion(case.mechanism, case.initial_state, answer, how)
+    return found | {"case": case.name, "seed": case.seed}
+
+
+def replay_of_motion(mechanism: Mechanism, start: State, answer: TrajectoryAnswer, how: str = "") -> Replay:
+    """Make the replay of a motion of a mechanism that starts in a state; `how` names method and step."""
+    drawn, motion = scene(mechanism, start), _motion({REFERENCE: (answer, how)})
+    return {"case": mechanism.name, "seed": 0, "scene": drawn, "along": None, "motion": motion}
 
 
 def _headlines(runs: Sequence[Run]) -> Iterator[tuple[str, tuple[TrajectoryAnswer, str]]]:

@@ -41,7 +41,7 @@ class EngineFailure(ConsilienceError):
     """An engine gave no answer."""
 
 
-@dataclass
+@dataclass(repr=False)
 class Results:
     """Runs and comparisons of a suite, with the engines that started and those that did not."""
 
@@ -52,6 +52,11 @@ class Results:
     runs: list[Run] = field(default_factory=list)
     comparisons: list[Comparison] = field(default_factory=list)
     thoroughness: Thoroughness = FULL
+
+    def __repr__(self) -> str:
+        counts = Counter(str(c.verdict) for c in self.comparisons)
+        told = "".join(f", {n} {verdict}" for verdict, n in counts.items())
+        return f"Results of {len(self.cases)} cases on {', '.join(self.engines)}: {len(self.comparisons)} answers{told}"
 
 
 AHEAD = 2

@@ -44,11 +44,11 @@ from consilience.mechanism import (
     linear,
 )
 
-Drawing = Mapping[str, Frame]
+DrawnFrames = Mapping[str, Frame]
 """Poses of the bodies and of the ground in the drawing, by name."""
 
 
-def drawn(drawing: Drawing, body: str, where: str) -> Frame:
+def drawn(drawing: DrawnFrames, body: str, where: str) -> Frame:
     """Return the pose of a body in the drawing.
 
     Raises
@@ -61,7 +61,7 @@ def drawn(drawing: Drawing, body: str, where: str) -> Frame:
     return drawing[body]
 
 
-def elements(table: CaseTable, drawing: Drawing) -> dict[str, Any]:
+def elements(table: CaseTable, drawing: DrawnFrames) -> dict[str, Any]:
     """Return the fields of `Mechanism` that hold elements.
 
     Raises
@@ -104,18 +104,18 @@ def _function(table: FunctionTable, where: str) -> Function:
         raise InvalidInput(f"{where}.{error.where}", error.what, error.remedy) from None
 
 
-def _point(drawing: Drawing, body: str, point: list[float], where: str) -> Array:
+def _point(drawing: DrawnFrames, body: str, point: list[float], where: str) -> Array:
     """A point of the drawing in the axes of a body, from its origin."""
     frame = drawn(drawing, body, where)
     return frame.R.T @ (np.array(point) - frame.p)
 
 
-def _force(f: ForceTable, drawing: Drawing) -> Any:
+def _force(f: ForceTable, drawing: DrawnFrames) -> Any:
     point = _point(drawing, f.body, f.at, f"force '{f.name}': body")
     return _element(Load, "force", f, kind="force", point=point)
 
 
-def _spring(s: SpringTable, drawing: Drawing) -> Any:
+def _spring(s: SpringTable, drawing: DrawnFrames) -> Any:
     where = f"spring '{s.name}'"
     return _element(
         Spring,
@@ -142,7 +142,7 @@ def _coupling(c: CouplingTable) -> Any:
     return _element(Coupling, "coupling", c, law=linear(c.ratio, c.offset or 0.0))
 
 
-def _rolling(r: RollingTable, drawing: Drawing) -> Any:
+def _rolling(r: RollingTable, drawing: DrawnFrames) -> Any:
     where = f"rolling '{r.name}'"
     frame = drawn(drawing, r.body, f"{where}: body")
     if r.axis is None and r.radius != 0.0:
@@ -151,14 +151,14 @@ def _rolling(r: RollingTable, drawing: Drawing) -> Any:
     return _element(Rolling, "rolling", r, center=_point(drawing, r.body, r.at, where), axis=frame.R.T @ axis)
 
 
-def _skate(s: SkateTable, drawing: Drawing) -> Any:
+def _skate(s: SkateTable, drawing: DrawnFrames) -> Any:
     where = f"skate '{s.name}'"
     frame = drawn(drawing, s.body, f"{where}: body")
     point = _point(drawing, s.body, s.at, where)
     return _element(Skate, "skate", s, point=point, lateral=frame.R.T @ np.array(s.lateral))
 
 
-def _contact(c: ContactTable, drawing: Drawing) -> Contact:
+def _contact(c: ContactTable, drawing: DrawnFrames) -> Contact:
     """Contact of the class that the fields of the table stand for."""
     where = f"contact '{c.name}'"
     center, law = _point(drawing, c.body, c.at, f"{where}: body"), (c.restitution, c.friction)

@@ -1,0 +1,232 @@
+"""A drawing: a mechanism built from Python as it is drawn on paper, part by part, by the names of a case file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from consilience.case.case import Case
+from consilience.case.file.reader import cases_from_tables
+from consilience.case.file.schema import CaseTable
+from consilience.errors import InvalidInput
+from consilience.mechanism import JOINT_KINDS, Frame, Mechanism, quaternion_from_rotation
+from consilience.mechanism.solids import Solid
+
+_ELEMENTS = tuple(
+    name
+    for name in CaseTable.model_fields
+    if name not in ("title", "sources", "remarks", "tags", "gravity", "body", "joint", "initial", "trajectory")
+    and name not in ("instant", "published", "variants")
+)
+"""Kinds of elements of a case file."""
+
+_INERTIA = (("xx", 0, 0), ("yy", 1, 1), ("zz", 2, 2), ("xy", 0, 1), ("xz", 0, 2), ("yz", 1, 2))
+
+
+class Drawing:
+    """A mechanism in the making: bodies, joints and elements in the pose in which they are drawn.
+
+    Points and axes are those of the world in the drawing, m. The fields of elements have the names of a case file
+    (``consilience schema case``).
+
+    Parameters
+    ----------
+    name : str
+    gravity : array_like, shape (3,), m/s^2
+        In world axes; there is no default and no "up".
+    title : str, optional
+        One line for reports; default: the name.
+
+    Examples
+    --------
+    >>> draw = Drawing("pendulum", gravity=(0, 0, -9.81))
+    >>> draw.body("rod", bar((0, 0, 0), (0, 0, -1), radius=0.02), density=7850)
+    >>> draw.joint("pin", "revolute", "ground", "rod", at=(0, 0, 0), axis=(0, 1, 0))
+    >>> pendulum = draw.mechanism()
+    """
+
+    def __init__(self, name: str, gravity: ArrayLike, title: str = "") -> None:
+        self.name = name
+        self._tables: dict[str, Any] = {"title": title or name, "sources": ["own"], "gravity": _plain(gravity)}
+
+    def body(
+        self,
+        name: str,
+        solid: Solid | None = None,
+        *,
+        mass: float | None = None,
+        density: float | None = None,
+        com: ArrayLike = (0.0, 0.0, 0.0),
+        inertia: ArrayLike | None = None,
+        at: ArrayLike | Frame = (0.0, 0.0, 0.0),
+        orientation: ArrayLike | None = None,
+    ) -> None:
+        """Draw a body: a solid with a mass or density, or mass, centre of mass and inertia.
+
+        Parameters
+        ----------
+        name : str
+        solid : Solid, optional
+            `bar`, `block`, `ball` or a sum of them, in axes of the body.
+        mass, density : float, kg, kg/m^3
+        com : array_like, shape (3,), m
+            Centre of mass in axes of the body, without a solid.
+        inertia : array_like, kg m^2
+            About the centre of mass in axes of the body, without a solid: three principal moments, six entries xx, yy,
+            zz, xy, xz, yz of the tensor (xy = -sum m x y), or the tensor.
+        at : array_like, shape (3,), m, or Frame
+            Origin of the body in the drawing, or its whole pose; default: the origin of the world, so that coordinates
+            of the body are those of the drawing.
+        orientation : array_like
+            Axes of the body in the drawing: rotation matrix, or unit quaternion, scalar first.
+
+        Raises
+        ------
+        InvalidInput
+            The mass properties are incomplete or given twice. Values are checked when the drawing is read.
+        """
+        where = f"body '{name}'"
+        if isinstance(at, Frame):
+            orientation = at.R if orientation is None else orientation
+            at = at.p
+        if solid is not None:
+            if inertia is not None:
+                raise InvalidInput(f"{where}: inertia", "the solid has it", "Give a solid or an inertia.")
+            mass, com, inertia = solid.mass_properties(mass, density)
+        elif mass is None or inertia is None:
+            lacking = "mass" if mass is None else "inertia"
+            raise InvalidInput(
+                f"{where}: {lacking}", "it is missing", "Give a solid with mass or density, or mass and inertia."
+            )
+        table = {"name": name, "mass": mass, "com": _plain(com), "at": _plain(at), **_orientation(orientation, where)}
+        self._add("body", {**table, "inertia": _inertia(inertia, f"{where}: inertia")})
+
+    def joint(self, name: str, kind: str, predecessor: str, successor: str, at: ArrayLike, **fields: Any) -> None:
+        """Draw a joint.
+
+        Parameters
+        ----------
+        name, kind : str
+            Kinds: `consilience.mechanism.JOINT_KINDS`.
+        predecessor, successor : str
+            Names of bodies, or ``ground``.
+        at : array_like, shape (3,), m
+            Origin of the joint's frames in the drawing.
+        **fields
+            ``axis``, ``second_axis``, ``to``, ``pitch`` as in a case file.
+
+        Raises
+        ------
+        InvalidInput
+            There is no such kind of joint.
+        """
+        if kind not in JOINT_KINDS:
+            known = ", ".join(JOINT_KINDS)
+            raise InvalidInput(f"joint '{name}': kind", f"'{kind}' is not a joint kind", f"Use one of {known}.")
+        ends = {"predecessor": predecessor, "successor": successor}
+        self._add("joint", {"name": name, "kind": kind, **ends, "at": _plain(at), **_plain_fields(fields)})
+
+    def add(self, element: str, name: str, **fields: Any) -> None:
+        """Draw an element: a spring, drive, load, ... with the fields of that table of a case file.
+
+        Raises
+        ------
+        InvalidInput
+            There is no such element.
+        """
+        if element not in _ELEMENTS:
+            known = ", ".join(_ELEMENTS)
+            raise InvalidInput(f"element '{name}'", f"'{element}' is no kind of element", f"Use one of {known}.")
+        self._add(element, {"name": name, **_plain_fields(fields)})
+
+    def mechanism(self) -> Mechanism:
+        """Return the mechanism.
+
+        Raises
+        ------
+        InvalidInput
+            With part, field, what is wrong and what would be right.
+        """
+        return self.case().mechanism
+
+    def case(
+        self, start: Mapping[str, Any] | None = None, rates: Mapping[str, Any] | None = None, **trajectory: float
+    ) -> Case:
+        """Return a case: the mechanism, where it starts, and the span of its motion.
+
+        Parameters
+        ----------
+        start, rates : mapping of joint name to value
+            Held joint coordinates and rates at the start: one number for a joint of one coordinate, else a mapping by
+            the names of the coordinates. All others are assembled from the drawing, at rest.
+        **trajectory
+            ``duration`` and ``sample`` (s), ``digits``, as in a case file.
+
+        Raises
+        ------
+        InvalidInput
+            With part, field, what is wrong and what would be right.
+        """
+        initial = {what: self._held(values) for what, values in (("joints", start), ("rates", rates)) if values}
+        tables = {**self._tables, "initial": initial, "trajectory": _plain_fields(trajectory)}
+        (case,) = cases_from_tables(self.name, self.name, tables)
+        return case
+
+    def _add(self, kind: str, table: dict[str, Any]) -> None:
+        self._tables.setdefault(kind, []).append(table)
+
+    def _held(self, values: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+        """Return held values by joint and coordinate; a bare number belongs to the joint's only coordinate."""
+        kinds = {joint["name"]: joint["kind"] for joint in self._tables.get("joint", ())}
+        held: dict[str, dict[str, Any]] = {}
+        for joint, value in values.items():
+            if joint not in kinds:
+                raise InvalidInput(f"joint '{joint}'", "it is not drawn", f"Joints are: {', '.join(kinds)}.")
+            names = JOINT_KINDS[kinds[joint]].coordinates
+            if not isinstance(value, Mapping) and len(names) != 1:
+                known = ", ".join(names) or "none"
+                raise InvalidInput(
+                    f"joint '{joint}'", f"a {kinds[joint]} joint has {len(names)} coordinates", f"Name them: {known}."
+                )
+            held[joint] = _plain_fields(value if isinstance(value, Mapping) else {names[0]: value})
+        return held
+
+
+def _plain(value: Any) -> Any:
+    """Return arrays and NumPy numbers as lists and numbers of Python."""
+    return np.asarray(value).tolist() if isinstance(value, np.ndarray | np.generic | list | tuple) else value
+
+
+def _plain_fields(fields: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: _plain_fields(v) if isinstance(v, Mapping) else _plain(v) for name, v in fields.items()}
+
+
+def _orientation(given: ArrayLike | None, where: str) -> dict[str, Any]:
+    """Return the field `orientation` of a table, of a rotation matrix or a quaternion."""
+    if given is None:
+        return {}
+    values = np.asarray(given, dtype=float)
+    if values.shape == (3, 3):
+        values = quaternion_from_rotation(Frame(np.zeros(3), values).R)
+    if values.shape != (4,):
+        raise InvalidInput(
+            f"{where}: orientation", f"it has shape {values.shape}", "Give a rotation matrix or a quaternion."
+        )
+    return {"orientation": {"quaternion": values.tolist()}}
+
+
+def _inertia(given: ArrayLike, where: str) -> dict[str, float]:
+    """Return the table `inertia` of three moments, six entries or the tensor."""
+    values = np.asarray(given, dtype=float)
+    if values.shape == (3,):
+        values = np.diag(values)
+    if values.shape == (6,):
+        return dict(zip((name for name, _, _ in _INERTIA), values.tolist(), strict=True))
+    if values.shape != (3, 3):
+        raise InvalidInput(where, f"it has shape {values.shape}", "Give three moments, six entries, or the tensor.")
+    if np.max(np.abs(values - values.T)) > 1e-12 * np.max(np.abs(values)):
+        raise InvalidInput(where, "the tensor is not symmetric", "Give a symmetric 3 x 3 tensor.")
+    return {name: float(values[i, j]) for name, i, j in _INERTIA}

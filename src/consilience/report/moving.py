@@ -1,0 +1,184 @@
+"""A motion as users of the library meet it: with its mechanism, its quantities by name, plots and a replay."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from consilience.engine import TrajectoryAnswer
+from consilience.errors import InvalidInput
+from consilience.mechanism import (
+    JOINT_KINDS,
+    Array,
+    Joint,
+    Mechanism,
+    joint_coordinates,
+    joint_rates,
+    kinetic_energy,
+    potential_energy,
+    relative_motion,
+)
+from consilience.report.html import render_replay
+from consilience.report.picture import picture
+from consilience.report.reactions import reactions_over_samples
+from consilience.report.replay import replay_of_motion
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.figure import Figure
+
+_UNITS = {"angle": "rad", "angle1": "rad", "angle2": "rad", "distance": "m", "x": "m", "y": "m", "position": "m"}
+
+
+@dataclass(frozen=True, eq=False)
+class ReplayPage:
+    """A self-contained HTML page with a mechanism in motion; a notebook shows it in a cell."""
+
+    html: str
+
+    def save(self, path: str | Path) -> Path:
+        """Write the page to a file."""
+        target = Path(path)
+        target.write_text(self.html, encoding="utf-8")
+        return target
+
+    def _repr_html_(self) -> str:
+        return f'<iframe srcdoc="{escape(self.html)}" width="100%" height="640" style="border:0"></iframe>'
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Motion(TrajectoryAnswer):
+    """Motion of a mechanism: poses and velocities of the bodies at sample times, and what follows from them.
+
+    Attributes
+    ----------
+    mechanism : Mechanism
+    """
+
+    mechanism: Mechanism = field(kw_only=True)
+
+    @classmethod
+    def of(cls, mechanism: Mechanism, answer: TrajectoryAnswer) -> Motion:
+        """Return an answer together with its mechanism."""
+        return cls(**vars(answer), mechanism=mechanism)
+
+    def __repr__(self) -> str:
+        m, t = self.mechanism, self.time
+        return f"Motion of '{m.name}': {len(m.bodies)} bodies, {len(t)} samples from {t[0]:g} to {t[-1]:g} s"
+
+    def _repr_html_(self) -> str:
+        drawn = picture(self.mechanism, self.state(0), f"{self.mechanism.name} at {self.time[0]:g} s")
+        return f"<p>{escape(repr(self))}</p>{drawn}"
+
+    def coordinates(self, joint: str, coordinate: str | None = None) -> Array:
+        """Return a joint coordinate over time, shape (n_t,), (n_t, 3) or (n_t, 4).
+
+        Parameters
+        ----------
+        joint : str
+        coordinate : str, optional
+            Name in `JOINT_KINDS`; not needed where the joint has one coordinate.
+
+        Returns
+        -------
+        ndarray
+            m, or rad with full turns counted from the first sample on; an orientation is a unit quaternion of M in F.
+
+        Raises
+        ------
+        InvalidInput
+            There is no such joint or coordinate.
+        """
+        found, name = self._coordinate(joint, coordinate)
+        states = [self.state(k) for k in range(len(self.time))]
+        values = np.array([joint_coordinates(found, relative_motion(self.mechanism, s, found))[name] for s in states])
+        return np.unwrap(values) if name.startswith("angle") else values
+
+    def rates(self, joint: str, coordinate: str | None = None) -> Array:
+        """Return the rate of a joint coordinate over time; of an orientation the angular velocity in axes of F.
+
+        Parameters, shapes and errors are those of `coordinates`; m/s or rad/s.
+        """
+        found, name = self._coordinate(joint, coordinate)
+        states = [self.state(k) for k in range(len(self.time))]
+        return np.array([joint_rates(found, relative_motion(self.mechanism, s, found))[name] for s in states])
+
+    def reactions(self, joint: str) -> Array:
+        """Return force and torque of a joint on its successor over time, shape (n_t, 6).
+
+        About the origin of M, in axes of F, N and N m: constraint forces alone, of least norm where equilibrium leaves
+        them open.
+
+        Raises
+        ------
+        InvalidInput
+            There is no such joint, or states do not determine reactions (integral controllers, contacts).
+        """
+        index = self.mechanism.joint_index
+        self._joint(joint)
+        return reactions_over_samples(self.mechanism, self)[:, index[joint]]
+
+    def energy(self) -> dict[str, Array]:
+        """Return kinetic, potential and total energy over time, J, each of shape (n_t,)."""
+        states = [self.state(k) for k in range(len(self.time))]
+        kinetic = np.array([kinetic_energy(self.mechanism, s) for s in states])
+        potential = np.array([potential_energy(self.mechanism, s) for s in states])
+        return {"kinetic": kinetic, "potential": potential, "total": kinetic + potential}
+
+    def plot(self, *joints: str) -> Figure:
+        """Draw coordinates of joints over time, a panel for each coordinate; default: all joints with scalar ones.
+
+        Raises
+        ------
+        InvalidInput
+            There is no such joint, or matplotlib is not installed.
+        """
+        try:
+            from matplotlib.figure import Figure  # noqa: PLC0415 - an extra: only a plot needs it
+        except ModuleNotFoundError:
+            remedy = "Install it: pip install 'consilience[plot]'."
+            raise InvalidInput("plot", "matplotlib is not installed", remedy) from None
+        names = joints or tuple(joint.name for joint in self.mechanism.joints)
+        shown = [(n, c) for n in names for c in JOINT_KINDS[self._joint(n).kind].coordinates if c in _UNITS]
+        if not shown:
+            raise InvalidInput("plot", "these joints have no scalar coordinate", "Name joints that move.")
+        figure = Figure(figsize=(6.4, 0.6 + 1.8 * len(shown)), layout="constrained")
+        panels = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
+        for panel, (name, coordinate) in zip(panels, shown, strict=True):
+            panel.plot(self.time, self.coordinates(name, coordinate))
+            panel.set_ylabel(f"{name}: {coordinate} [{_UNITS[coordinate]}]")
+        panels[-1].set_xlabel("time [s]")
+        return figure
+
+    def animate(self) -> ReplayPage:
+        """Return a page with the mechanism in motion."""
+        name = self.mechanism.name
+        return ReplayPage(render_replay(name, name, replay_of_motion(self.mechanism, self.state(0), self)))
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return poses and velocities as a dataset with units (`consilience.report.dataframes`)."""
+        from consilience.report.dataframes import to_xarray  # noqa: PLC0415 - an extra
+
+        return to_xarray(self.mechanism, self)
+
+    def _joint(self, name: str) -> Joint:
+        if name not in self.mechanism.joint_index:
+            known = ", ".join(self.mechanism.joint_index)
+            raise InvalidInput("motion", f"there is no joint '{name}'", f"Joints are: {known}.")
+        return self.mechanism.joints[self.mechanism.joint_index[name]]
+
+    def _coordinate(self, joint: str, coordinate: str | None) -> tuple[Joint, str]:
+        found = self._joint(joint)
+        names = JOINT_KINDS[found.kind].coordinates
+        if coordinate is None and len(names) == 1:
+            return found, names[0]
+        if coordinate not in names:
+            known = ", ".join(names) or "none"
+            what = f"a {found.kind} joint has {len(names)} coordinates"
+            raise InvalidInput(f"joint '{joint}'", what, f"Name one of: {known}.")
+        assert coordinate is not None
+        return found, coordinate
