@@ -21,6 +21,7 @@ if TYPE_CHECKING:  # the names once more for type checkers, which do not see tho
     from consilience.case import Drawing as Drawing
     from consilience.case import case_names as case_names
     from consilience.case import load_case as load_case
+    from consilience.case import save_case as save_case
     from consilience.engine import Question as Question
     from consilience.engine import Route as Route
     from consilience.engine import load_engine as load_engine
@@ -52,18 +53,18 @@ if TYPE_CHECKING:  # the names once more for type checkers, which do not see tho
     from consilience.reference import accelerations as accelerations
     from consilience.reference.formulations.body_velocities import AppliedForces
     from consilience.report.agreement import Agreement as Agreement
-    from consilience.report.moving import Motion as Motion
+    from consilience.report.simulation import Simulation as Simulation
     from consilience.suite import run_suite as run_suite
 
 _NAMES = {
-    "case": "Case Drawing case_names load_case",
+    "case": "Case Drawing case_names load_case save_case",
     "engine": "Question Route load_engine",
     "errors": "CannotAssemble ConsilienceError InvalidInput",
     "mechanism": "Body Control Coupling Drive Frame Friction Function Initial Joint JointSpring Load Mechanism "
     "Rolling Skate Solid Spring State ball bar block initial_state random_states",
     "reference": "accelerations",
     "report.agreement": "Agreement",
-    "report.moving": "Motion",
+    "report.simulation": "Simulation",
     "suite": "run_suite",
 }
 """Names of the library by module."""
@@ -104,7 +105,7 @@ def simulate(
     formulation: str | None = None,
     integrator: str | None = None,
     forces: AppliedForces | None = None,
-) -> Motion:
+) -> Simulation:
     """Integrate the motion of a mechanism by the reference solver.
 
     Parameters
@@ -129,7 +130,7 @@ def simulate(
     from consilience.errors import InvalidInput  # noqa: PLC0415
     from consilience.mechanism import initial_state  # noqa: PLC0415
     from consilience.reference import simulate as integrate  # noqa: PLC0415
-    from consilience.report.moving import Motion  # noqa: PLC0415
+    from consilience.report.simulation import Simulation  # noqa: PLC0415
 
     if isinstance(mechanism, Case):
         case, mechanism = mechanism, mechanism.mechanism
@@ -140,7 +141,7 @@ def simulate(
     start = initial_state(mechanism) if state is None else state
     form = formulation or ("relative" if forces is None else "descriptor")
     answer = integrate(mechanism, start, np.asarray(times, dtype=float), tolerance, form, integrator, forces)
-    return Motion.of(mechanism, answer)
+    return Simulation.of(mechanism, answer)
 
 
 def _compare(

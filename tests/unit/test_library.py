@@ -17,7 +17,7 @@ RNG = np.random.default_rng(5)
 
 
 def double_pendulum():
-    draw = cs.Drawing("double pendulum", gravity=(0, 0, -9.81))
+    draw = cs.Drawing("double_pendulum", gravity=(0, 0, -9.81))
     draw.body("upper", cs.bar((0, 0, 0), (0.3, 0, -1), radius=0.02), density=7850)
     draw.body("lower", cs.bar((0.3, 0, -1), (0, 0.4, -2), radius=0.03), mass=3.0)
     draw.joint("shoulder", "revolute", "ground", "upper", at=(0, 0, 0), axis=(0, 1, 0))
@@ -112,7 +112,7 @@ def test_a_drawn_mechanism_is_the_one_that_its_file_says(tmp_path):
         assert np.allclose(body.drawing.R, R, atol=1e-15)
         assert np.allclose(body.inertia, inertia, atol=0.0)
         assert np.allclose(case.mechanism.joints[0].F.R[:, 2], R[:, 1], atol=1e-15)
-    read = cs.load_case(made[0].save(tmp_path / "one.toml"))
+    read = cs.load_case(cs.save_case(made[0], tmp_path / "one.toml"))
     for name in ("p_WB", "quat_WB", "v_WB_W", "w_WB_W"):
         assert np.allclose(getattr(read.initial_state, name), getattr(made[0].initial_state, name), atol=1e-14)
     angle = joint_coordinates(
@@ -225,8 +225,8 @@ def test_the_default_form_is_the_fast_one_and_any_other_agrees():
 
 def test_motions_mechanisms_and_results_show_themselves(motion, tmp_path):
     case, found = motion
-    assert repr(found) == "Motion of 'double pendulum': 2 bodies, 41 samples from 0 to 2 s"
-    assert repr(case.mechanism) == "Mechanism 'double pendulum': 2 bodies, 2 joints"
+    assert repr(found) == "Simulation of 'double_pendulum': 2 bodies, 41 samples from 0 to 2 s"
+    assert repr(case.mechanism) == "Mechanism 'double_pendulum': 2 bodies, 2 joints"
     for shown in (found, case.mechanism):
         assert "<svg" in shown._repr_html_()
     assert found.plot().axes[0].get_ylabel() == "shoulder: angle [rad]"
@@ -267,7 +267,7 @@ def test_names_of_the_library_are_listed_and_the_room_compare_can_be_called():
     code = """
 import consilience as cs
 listed = set(dir(cs))
-assert {"Drawing", "bar", "simulate", "compare", "Motion"} <= listed, listed
+assert {"Drawing", "bar", "simulate", "compare", "Simulation"} <= listed, listed
 assert callable(cs.compare)
 import consilience.compare as room
 from consilience.compare import Verdict

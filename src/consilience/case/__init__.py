@@ -15,6 +15,7 @@ from consilience.case.published import ACCELERATIONS, Published, read_motion, re
 
 if TYPE_CHECKING:
     from consilience.case.drawing import Drawing
+    from consilience.case.file.writer import save_case
     from consilience.case.library import case_files, case_names, cases_like, load_case, load_cases, shipped_cases
 
 __all__ = [
@@ -31,6 +32,7 @@ __all__ = [
     "read_motion",
     "read_start",
     "sample_of",
+    "save_case",
     "scale_of",
     "shipped_cases",
 ]
@@ -39,5 +41,5 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module 'consilience.case' has no attribute '{name}'")
-    module = "drawing" if name == "Drawing" else "library"
+    module = {"Drawing": "drawing", "save_case": "file.writer"}.get(name, "library")
     return getattr(import_module(f"consilience.case.{module}"), name)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -150,23 +149,6 @@ class Case:
         name = mechanism.name
         known: dict[str, Any] = {"title": name, "duration": 5.0, "sample": 0.05, "digits": 8, "instants": 20, "seed": 1}
         return cls(name=name, file=name, mechanism=mechanism, initial=initial or Initial(), **known | span)
-
-    def save(self, path: str | Path) -> Path:
-        """Write the case as a file, which `load_case` and the command line read; return its path.
-
-        Raises
-        ------
-        InvalidInput
-            The mechanism cannot be written as a file, or the file cannot be written.
-        """
-        from consilience.case.file.writer import case_text  # noqa: PLC0415 - a case needs NumPy alone
-
-        target = Path(path)
-        try:
-            target.write_text(case_text(self), encoding="utf-8")
-        except OSError as error:
-            raise InvalidInput(str(target), error.strerror or "it cannot be written", "Name another file.") from None
-        return target
 
     def with_span(self, duration: float | None, sample: float | None) -> Case:
         """Return the case with another duration or sample, in s, and the expected values on the new grid.

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,23 @@ from consilience.mechanism import (
 _COINCIDE = 1e-9
 _WORLD = Frame(np.zeros(3), np.eye(3))
 _INERTIA = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
+
+
+def save_case(subject: Case | Mechanism, path: str | Path) -> Path:
+    """Write a case, or a mechanism in its drawing, as a case file; return its path.
+
+    Raises
+    ------
+    InvalidInput
+        The mechanism cannot be written as a file, or the file cannot be written.
+    """
+    target = Path(path)
+    text = case_text(subject if isinstance(subject, Case) else Case.of(subject))
+    try:
+        target.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InvalidInput(str(target), error.strerror or "it cannot be written", "Name another file.") from None
+    return target
 
 
 def case_text(case: Case, heading: str = "") -> str:

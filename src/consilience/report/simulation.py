@@ -51,7 +51,7 @@ class ReplayPage:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Motion(TrajectoryAnswer):
+class Simulation(TrajectoryAnswer):
     """Motion of a mechanism: poses and velocities of the bodies at sample times, and what follows from them.
 
     Attributes
@@ -62,13 +62,13 @@ class Motion(TrajectoryAnswer):
     mechanism: Mechanism = field(kw_only=True)
 
     @classmethod
-    def of(cls, mechanism: Mechanism, answer: TrajectoryAnswer) -> Motion:
+    def of(cls, mechanism: Mechanism, answer: TrajectoryAnswer) -> Simulation:
         """Return an answer together with its mechanism."""
         return cls(**vars(answer), mechanism=mechanism)
 
     def __repr__(self) -> str:
         m, t = self.mechanism, self.time
-        return f"Motion of '{m.name}': {len(m.bodies)} bodies, {len(t)} samples from {t[0]:g} to {t[-1]:g} s"
+        return f"Simulation of '{m.name}': {len(m.bodies)} bodies, {len(t)} samples from {t[0]:g} to {t[-1]:g} s"
 
     def _repr_html_(self) -> str:
         drawn = picture(self.mechanism, self.state(0), f"{self.mechanism.name} at {self.time[0]:g} s")
