@@ -86,7 +86,9 @@ def test_two_formulations_of_the_reference_may_both_be_off_by_a_bar(engine, verd
 
 
 def test_the_matrix_shows_a_reference_that_differs_from_itself():
-    record = Record({"engines": ["reference", "e"]}, [{"name": "c"}], [], [], {})
+    record = Record(
+        header={"engines": ["reference", "e"]}, cases=[{"name": "c"}], runs=[], comparisons=[], cells=[], footer={}
+    )
     agrees = {"case": "c", "engine": "reference", "profile": "matched", "verdict": "agrees", "digits": 12.0}
     assert matrix(replace(record, comparisons=[agrees]))[0] == ["e"]
     differs = agrees | {"verdict": "differs: model", "digits": 3.0}
