@@ -112,6 +112,24 @@ def test_unstable_levels_before_stable_ones_are_left_out():
     assert [run.level for run in stable_levels(case, runs)] == [1, 2]
 
 
+@pytest.mark.parametrize(("died", "verdict"), [(True, Verdict.UNRESOLVED), (False, Verdict.MODEL)])
+def test_softness_whose_runs_died_is_not_ruled_out(died, verdict):
+    """Levels of order two lead 1e-3 away, and softness does not move them where it can be asked."""
+    method = Method("m", Route.NATIVE, 2, tuple(THREE), softness=1.0)
+    own = [(h, method) for h in (SAMPLE / n for n in THREE)]
+    soft = [(own[-1][0], replace(method, softness=s)) for s in SCALES[Profile.MATCHED]]
+    runs = [
+        Run("c", "e", Question.TRAJECTORY, how, n, h, Status.ANSWERED, motion(SIZE * SHAPE * (1e-3 + h**2)))
+        for n, (h, how) in enumerate([*own, *soft])
+    ]
+    if died:
+        runs[-1] = replace(runs[-1], status=Status.FAILED, answer=None, reason="it stepped on nothing")
+    truth = Run("c", REFERENCE, Question.TRAJECTORY, Method("r", Route.REFERENCE), 0, None, Status.ANSWERED, TRUE)
+    (found,) = (c for c in judge_case(CASE, [truth, *runs]) if c.engine == "e")
+    assert found.verdict is verdict
+    assert (found.rule == "softness unclear" and "stepped on nothing" in found.why) == died
+
+
 def test_a_rate_beyond_all_steps_is_named():
     """At 1e9 1/s a stable ladder would take more steps than `MOST_STEPS`."""
     case = damped(1e9)

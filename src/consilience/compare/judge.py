@@ -15,11 +15,12 @@ from numpy.linalg import LinAlgError
 
 from consilience.case import Case
 from consilience.compare.horizon import growth
+from consilience.compare.instant import SOFTENED
 from consilience.compare.other_methods import reconsidered
 from consilience.compare.power import sensitivities
 from consilience.compare.published import against_published, dispute
 from consilience.compare.result import Comparison, Quantity, Verdict
-from consilience.compare.rules import rate_text
+from consilience.compare.rules import CONVERGENCE, rate_text
 from consilience.compare.trajectory import ReferenceMotion, spread_over_time
 from consilience.engine import Profile, Question, Run, Status, load_named
 from consilience.errors import ConsilienceError
@@ -87,9 +88,20 @@ def judge_method(case: Case, judge: Judge | None, runs: Sequence[Run]) -> Compar
     levels = stable_levels(case, levels)
     if judge is None or any(run.status is not Status.ANSWERED for run in levels):
         return _without_answer(case, levels)
-    # if a run with other softness failed, the levels are judged without softness; the record keeps that run
-    probed = all(run.status is Status.ANSWERED for run in softer)
-    return judge.compare(levels, softer if probed else [])
+    died = next((run for run in softer if run.status is not Status.ANSWERED), None)
+    if died is None:
+        return judge.compare(levels, softer)
+    return _softness_unknown(judge.compare(levels, []), died)
+
+
+def _softness_unknown(one: Comparison, died: Run) -> Comparison:
+    """Return a comparison, unresolved if softness could explain its difference, since a run at other softness died."""
+    missed = [q.name for q in one.quantities if not q.met]
+    possible = one.rule in CONVERGENCE or (one.question is Question.INSTANT and SOFTENED.issuperset(missed))
+    if one.verdict is not Verdict.MODEL or not possible:
+        return one
+    why = f"{one.why}; softness might explain it, but the run at other softness failed: {died.reason}"
+    return replace(one, verdict=Verdict.UNRESOLVED, rule="softness unclear", why=why)
 
 
 STABLE = 2.0

@@ -177,7 +177,8 @@ class _MechanismJudge:
         """Compare accelerations and energies, and reactions where both methods give them."""
         if expected.force_F is None:
             found = replace(found, force_F=None, torque_F=None)
-        return compare_instant(self.case.name, engine, method, found, expected, self.instants)
+        instants = replace(self.instants, answers=2) if engine == REFERENCE else self.instants
+        return compare_instant(self.case.name, engine, method, found, expected, instants)
 
     def _judged(
         self, engine: str, answer: MethodAnswer, against: str, verdict: Verdict, quantity: str, why: str
