@@ -23,8 +23,12 @@ from consilience.mechanism import (
     physical_parameters,
 )
 from consilience.mechanism.perturbation import AXIS, COEFFICIENT, PLACE
+from consilience.report.exports import spreadsheet
+from consilience.report.recordschema import checked
+from consilience.report.view import page
 from consilience.suite.engine_runs import ask_case
 from mechanisms import chain, coupled, driven, four_bar, powered, rolling
+from records import comparison, record_of
 
 REFERENCE = InProcessEngine("reference")
 SIZE = 1e-4
@@ -43,8 +47,8 @@ def judged(mechanism, initial):
     return [found[question] for question in (Question.MODEL, Question.INSTANT, Question.TRAJECTORY)]
 
 
-def motion_size(mechanism, spin):
-    _, runs = asked(mechanism, Initial(velocities=spin))
+def motion_size(mechanism, initial):
+    _, runs = asked(mechanism, initial)
     return size_of_motion(mechanism, next(r.answer for r in runs if r.question is Question.TRAJECTORY))
 
 
@@ -87,23 +91,38 @@ def test_an_axis_that_would_lock_a_loop_is_no_parameter():
 
 
 def test_a_fall_depends_on_gravity_alone():
-    """Mass does not act on a fall, nor a common factor of the moments on a torque-free rotation (Galilei, Euler).
+    """Mass does not act on a fall from rest, nor inertia [Galilei].
 
-    The fall from rest is g t^2 / 2: its change over its length is the relative error of gravity. Potential energy and
-    accelerations are in proportion to gravity, total mass and inertia to their factors.
+    The fall is g t^2 / 2: its change over its length is the relative error of gravity. Potential energy and
+    accelerations are in proportion to gravity, energies and the total mass to the mass.
     """
     mechanism = chain("free", seed=6)
-    spin = {mechanism.bodies[0].name: (np.zeros(3), np.array([0.3, -2.0, 1.1]))}
-    model, instant, motion = judged(mechanism, Initial(velocities=spin))
-    assert {p.of: p.limit for p in model.power} == pytest.approx(
-        {"mass of body 'b0'": 1e-12, "moments of inertia of body 'b0'": 1e-12}, rel=1e-3
-    )
+    model, instant, motion = judged(mechanism, Initial())
+    assert {p.kind: p.limit for p in model.power}["mass"] == pytest.approx(1e-12, rel=1e-3)
     limits = {p.kind: p.limit for p in instant.power}
     assert (limits["gravity"], limits["mass"]) == pytest.approx((1e-12, 1e-12), rel=1e-3)
     (power,) = motion.power
     length = 0.5 * np.linalg.norm(mechanism.gravity) * 0.8**2
     assert (power.kind, power.of) == ("gravity", "gravity")
-    assert power.limit == pytest.approx(1e-8 * motion_size(mechanism, spin) / length, rel=1e-3)
+    assert power.limit == pytest.approx(1e-8 * motion_size(mechanism, Initial()) / length, rel=1e-3)
+
+
+def test_a_tumbling_body_shows_one_moment_and_not_all():
+    """A common factor of the moments cancels in Euler's equations; the largest alone does not."""
+    mechanism = chain("free", seed=6)
+    spin = {mechanism.bodies[0].name: (np.zeros(3), np.array([0.3, -2.0, 1.1]))}
+    (*_, motion) = judged(mechanism, Initial(velocities=spin))
+    assert [p.of for p in motion.power] == ["gravity", "largest moment of inertia of body 'b0'"]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_largest_moment_is_off_by_the_size_and_the_body_remains_one(seed):
+    mechanism = chain("free", seed=seed)
+    (largest,) = (p for p in physical_parameters(mechanism, initial_state(mechanism)) if "largest" in p.of)
+    before, after = mechanism.bodies[0].inertia, largest.change(mechanism, 0.3).bodies[0].inertia
+    moments, axes = np.linalg.eigh(before)
+    change = np.diag(axes.T @ (before - after) @ axes) / moments[2]
+    np.testing.assert_allclose(change, [0.0, 0.3, 0.3], atol=1e-12)
 
 
 def test_a_motion_that_nothing_acts_on_has_no_power_and_no_verdict_against_it():
@@ -134,3 +153,32 @@ def test_an_answer_by_bars_that_shows_no_error_is_unresolved():
     assert blind.power[0].limit == pytest.approx(0.2)
     assert with_power(own, [run], lambda _: (Quantity("kinetic energy", SIZE, 0.05, 6),)).verdict is Verdict.AGREES
     assert with_power(own, [run], lambda _: (Quantity("accelerations", 0.0, 0.2, 6),)).power == ()
+
+
+def stating(*powers):
+    return comparison("c", "alpha", "trajectory", power=[{"kind": k, "of": o, "limit": x} for k, o, x in powers])
+
+
+def test_a_cell_says_what_it_would_have_noticed_and_what_not():
+    seen = ("gravity", "gravity", 2e-5)
+    view = page(
+        record_of([stating(seen, ("joint axis", "axis of joint 'pin'", 3e-4), ("mass", "mass of body 'bob'", None))])
+    )
+    (cell,) = (cell for cell in view.cells if cell.engine == "alpha")
+    (answer,) = cell.answers
+    assert [(fact.name, fact.value, fact.note) for fact in answer.power] == [
+        ("gravity", "off by 0.002 %", ""),
+        ("axis of joint 'pin'", "off by 0.0003 rad", ""),
+        ("mass of body 'bob'", "off by more than 10 %", "would pass"),
+    ]
+    assert cell.blind
+    (cell,) = (cell for cell in page(record_of([stating(seen)])).cells if cell.engine == "alpha")
+    assert not cell.blind
+
+
+def test_the_export_has_a_column_of_it_and_earlier_records_are_read():
+    (row,) = spreadsheet.rows(record_of([stating(("gravity", "gravity", 2e-5), ("mass", "mass of body 'bob'", None))]))
+    assert row["power"] == "gravity: 2e-05; mass of body 'bob': inf"
+    line = comparison("c", "alpha", "trajectory")
+    del line["power"]
+    assert checked(line)["power"] == []

@@ -29,6 +29,9 @@ SIZE = 1e-5
 LEAST = 100.0 * ROUNDING
 """Smallest change of a motion that gives a sensitivity to two digits; `LINEAR` is the largest."""
 
+NOISE = 10.0
+"""A parameter acts if it changes the motion by this many times as much as another tolerance does."""
+
 STATES = 3
 """Number of states at which the sensitivity of an answer to `instant` is computed."""
 
@@ -112,6 +115,7 @@ def sensitivities(mechanism: Mechanism, runs: Sequence[Run]) -> tuple[MotionSens
             continue
         size = size_of_motion(mechanism, undisturbed)
         change = np.maximum.accumulate(difference_over_time(run.answer, undisturbed, size))
-        if change[-1] > ROUNDING:
+        noise = max(ROUNDING, *(NOISE * largest_difference(mechanism, a, undisturbed) for a in levels.values()))
+        if change[-1] > noise:
             found.append(MotionSensitivity(error.kind, error.of, np.where(change > ROUNDING, change, 0.0) / error.size))
     return tuple(found)

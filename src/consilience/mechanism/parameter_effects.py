@@ -17,14 +17,14 @@ from consilience.mechanism.applied_forces import Wrenches, applied_wrenches
 from consilience.mechanism.constraints import free_directions
 from consilience.mechanism.joint_rows import joint_frames
 from consilience.mechanism.model import GROUND, Joint, Mechanism, State
-from consilience.mechanism.observables import mass_matrix, world_inertias
+from consilience.mechanism.observables import mass_matrix
 from consilience.mechanism.perturbation import AXIS, COEFFICIENT, GRAVITY, INERTIA, MASS, OBLIQUE, PLACE
 from consilience.mechanism.perturbation import PhysicalParameter as Parameter
 from consilience.mechanism.spatial import Array, cross
 from consilience.mechanism.units import characteristic_length
 
 _SMALL = 1e-6
-"""Relative error of a coefficient; wrenches are linear in nearly all of them."""
+"""Relative error of a coefficient or moment; wrenches are linear in nearly all of them."""
 
 
 class ParameterEffects:
@@ -78,9 +78,11 @@ class ParameterEffects:
 
     def _inertia(self, parameter: Parameter, n: int) -> float:
         i, state = parameter.part, self.states[n]
-        inertia, w = world_inertias(self.mechanism, state)[i], state.w_WB_W[i]
+        R, w = state.R_WB[i], state.w_WB_W[i]
+        changed = parameter.change(self.mechanism, _SMALL).bodies[i].inertia - self.mechanism.bodies[i].inertia
+        change = R @ changed @ R.T / _SMALL
         wrenches = np.zeros((len(self.mechanism.bodies), 6))
-        wrenches[i, 3:] = -inertia @ self.alpha[n, i] - cross(w, inertia @ w)
+        wrenches[i, 3:] = -change @ self.alpha[n, i] - cross(w, change @ w)
         return self._of_wrenches(wrenches)
 
     def _place(self, parameter: Parameter, n: int) -> float:

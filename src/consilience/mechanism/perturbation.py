@@ -114,6 +114,7 @@ def physical_parameters(mechanism: Mechanism, start: State) -> Iterator[Physical
     for n, body in enumerate(mechanism.bodies):
         yield PhysicalParameter(MASS, f"mass of body '{body.name}'", n, _of("bodies", n, "mass"))
         yield PhysicalParameter(INERTIA, f"moments of inertia of body '{body.name}'", n, _of("bodies", n, "inertia"))
+        yield PhysicalParameter(INERTIA, f"largest moment of inertia of body '{body.name}'", n, _largest_moment(n))
     for n, joint in enumerate(mechanism.joints):
         if joint.kind != "free":
             yield PhysicalParameter(PLACE, f"place of joint '{joint.name}'", n, _joint(n, start, _displaced), True)
@@ -147,6 +148,23 @@ def _of(group: str, n: int, name: str) -> Callable[[Mechanism, float], Mechanism
         parts = list(getattr(mechanism, group))
         parts[n] = replace(parts[n], **{name: _scaled(getattr(parts[n], name), 1.0 - size)})
         return replace(mechanism, **{group: tuple(parts)})  # type: ignore[arg-type]
+
+    return change
+
+
+def _largest_moment(n: int) -> Callable[[Mechanism, float], Mechanism]:
+    """Return the change of the largest principal moment of the n-th body, by a body that is shorter.
+
+    Mass moves towards the plane across the longest principal axis: the moments about the other two axes become smaller
+    by the same amount, and remain those of a body for errors up to 1/2.
+    """
+
+    def change(mechanism: Mechanism, size: float) -> Mechanism:
+        bodies = list(mechanism.bodies)
+        moments, axes = np.linalg.eigh(bodies[n].inertia)
+        across = np.eye(3) - np.outer(axes[:, 0], axes[:, 0])
+        bodies[n] = replace(bodies[n], inertia=bodies[n].inertia - size * moments[2] * across)
+        return replace(mechanism, bodies=tuple(bodies))
 
     return change
 
