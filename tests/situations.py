@@ -249,6 +249,12 @@ SITUATIONS = (
     Situation("agreement within what gravity changes", lambda h, s: 1e-9, U, "no power", effect=9e-8, digits=8),
     Situation("a band as wide as a tenth of gravity", lambda h, s: 5.0 * h**2, U, "no power", effect=1e-4),
     Situation("soft by more than gravity changes", lambda h, s: 0.1 * s, U, "no power", soft=True, effect=0.1),
+    Situation(
+        "an order not quite clean, a limit just beyond the band",
+        lambda h, s: (h / 0.005) ** 2.07 * 1e-5 + 1.5e-5,
+        U,
+        "wide band",
+    ),
     Situation("an uncertain reference", lambda h, s: 0.0, U, "uncertain reference", spread=1e-7),
     Situation("a disputed reference", lambda h, s: 1e-4, U, "disputed reference", dispute="published value"),
     Situation("chaotic from the start", lambda h, s: 1e-3, U, "horizon", growth=np.full(41, 1e9)),

@@ -27,7 +27,7 @@ SATURATED = 1.0
 """Largest difference in proportion to its cause, in sizes of the motion or rad; of a larger one softness has to explain
 as much as of this."""
 
-CLEAN = 0.1
+CLEAN = 0.05
 """Largest distance of the observed order from the declared one of levels that converge cleanly. Other levels need the
 safety factor of doubtful ones to blame a model."""
 
