@@ -33,7 +33,7 @@ NOISE = 10.0
 """A parameter acts if it changes the motion by this many times as much as another tolerance does."""
 
 STATES = 3
-"""Number of states at which the sensitivity of an answer to `instant` is computed."""
+"""Number of states, for errors after which states are assembled again, of the sensitivity of answers to `instant`."""
 
 MEASURED = (Question.MODEL, Question.INSTANT, Question.TRAJECTORY)
 """Questions whose comparisons have a power."""

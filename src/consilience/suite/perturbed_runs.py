@@ -89,7 +89,7 @@ def perturbed_runs(
 def _answer(
     ask: AskReference, case: Case, undisturbed: Run, parameter: PhysicalParameter, size: float = SIZE
 ) -> Run | None:
-    """Ask once, at the first states of the case; None if there is no such mechanism.
+    """Ask once, at the states of the case, of which few are assembled again; None if there is no such mechanism.
 
     Parameters
     ----------
@@ -101,7 +101,8 @@ def _answer(
     size : float
         Size of the error.
     """
-    states = case.states[:STATES] if undisturbed.question.at_states else [case.initial_state]
+    some = STATES if parameter.moves else None
+    states = case.states[:some] if undisturbed.question.at_states else [case.initial_state]
     subject = parameter.perturbed(case.mechanism, states, size)
     if subject is None or undisturbed.method is None:
         return None
