@@ -41,6 +41,9 @@ T = TypeVar("T")
 _RECORD_TYPES: dict[str, RecordType] = {}
 """Types of the records given as arrays, by name."""
 
+_ARRAY_TYPES: dict[tuple[Any, ...], types.Type] = {}
+"""Types of arrays by class, dtype, rank and layout."""
+
 _NUMBERS = (types.int64, types.float64, types.boolean)
 
 
@@ -76,12 +79,24 @@ def _record_type(kind: type, fields: tuple[types.Type, ...]) -> RecordType:
     return RecordType(kind, fields)
 
 
+def _array_type(array: np.ndarray[Any, Any]) -> types.Type:
+    """Return the Numba type of an array; Numba takes microseconds to build that of records, at every call."""
+    flags = array.flags
+    form = (flags.c_contiguous, flags.f_contiguous, flags.aligned, flags.writeable)
+    key = (type(array), array.dtype, array.ndim, *form)
+    if key not in _ARRAY_TYPES:
+        _ARRAY_TYPES[key] = typeof(array)
+    return _ARRAY_TYPES[key]
+
+
 def type_of(value: Any) -> types.Type:
     """Return the Numba type of a record, of a named tuple as a record, or of a field."""
     if isinstance(value, MechanismRecord):
         return value.numba_type
     if isinstance(value, tuple):
         return _record_type(type(value), tuple(map(type_of, value)))
+    if isinstance(value, np.ndarray):
+        return _array_type(value)
     kind = typeof(value)
     if not (kind in _NUMBERS or isinstance(kind, types.Array | types.NoneType)):
         raise TypeError(f"{kind} cannot be held: give arrays, int, float, bool, None, or named tuples of them")
@@ -123,17 +138,17 @@ def _fields_of(words):  # type: ignore[no-untyped-def] # Numba compares this lin
     return lambda words: _open(words)  # noqa: PLW0108
 
 
-def _words(value: Any) -> Iterator[int]:
-    """Yield the words of a value as integers."""
-    if isinstance(value, MechanismRecord | tuple):
-        for one in value:
-            yield from _words(one)
-    elif isinstance(value, np.ndarray):
-        yield value.ctypes.data
-        yield from value.shape
-        yield from value.strides
-    elif value is not None:
-        yield int(np.float64(value).view(np.int64)) if isinstance(value, float) else int(value)
+def _words(value: Any) -> list[int]:
+    """Return the words of a value as integers."""
+    if isinstance(value, np.ndarray):
+        return [value.__array_interface__["data"][0], *value.shape, *value.strides]
+    if isinstance(value, MechanismRecord):
+        return value.words
+    if isinstance(value, tuple):
+        return [word for one in value for word in _words(one)]
+    if value is None:
+        return []
+    return [int(np.float64(value).view(np.int64)) if isinstance(value, float) else int(value)]
 
 
 class MechanismRecord:
@@ -146,13 +161,15 @@ class MechanismRecord:
     address : int
         Address of the words.
     numba_type : RecordType
+    words : list of int
     """
 
-    __slots__ = ("_memory", "_tuple", "address", "numba_type")
+    __slots__ = ("_memory", "_tuple", "address", "numba_type", "words")
 
     def __init__(self, fields: tuple[Any, ...]) -> None:
         self.numba_type = type_of(fields)
-        self._tuple, self._memory = fields, np.array(list(_words(fields)), dtype=np.int64)
+        self._tuple, self.words = fields, _words(fields)
+        self._memory = np.array(self.words, dtype=np.int64)
         self.address = self._memory.ctypes.data
 
     def __getattr__(self, name: str) -> Any:
