@@ -16,8 +16,11 @@ _PACKAGE = Path(__file__).parents[2]
 
 _ROOMS = ("kernel", "bodies", "integrators", "steppers", "tree", "formulations")
 
-SOURCES = (*(f"reference/{room}/*.py" for room in _ROOMS), "mechanism/constraints.py")
-"""Patterns of the files that kernels are made of: their own, and that of the constants they take from elsewhere."""
+SOURCES = (
+    *(f"reference/{room}/*.py" for room in _ROOMS),
+    *(f"mechanism/{name}.py" for name in ("constraints", "elements")),
+)
+"""Patterns of the files that kernels are made of: their own, and those of the constants they take from elsewhere."""
 
 
 @cache
