@@ -1,6 +1,7 @@
 """Case files: meaning of every field, and error messages with file, field, fault and remedy."""
 
 import os
+import pickle
 import time
 from pathlib import Path
 
@@ -8,8 +9,10 @@ import numpy as np
 import pytest
 
 from consilience.case import case_files, load_case, load_cases, shipped_cases
+from consilience.case.file.problems import InvalidCase
 from consilience.case.file.reader import load_file
 from consilience.case.file.schema import case_schema
+from consilience.case.file.writer import case_table
 from consilience.errors import CannotAssemble, InvalidInput
 from consilience.mechanism import JOINT_KINDS, Body, Frame, Joint, Mechanism, spanning_tree
 
@@ -295,7 +298,7 @@ def test_bad_input_names_file_and_field(write, name):
     with pytest.raises(InvalidInput) as caught:
         load_file(write(text))
     message = str(caught.value)
-    assert "door.toml: " in message
+    assert "door.toml:" in message
     for part in parts:
         assert part in message
     assert caught.value.remedy
@@ -379,10 +382,91 @@ def test_a_table_in_a_case_file_is_the_curve_through_its_points(write):
     assert [case.mechanism.drives[0].motion.at(x)[0] for x in range(6)] == pytest.approx([0, 1, 0, 1, 0, 1], abs=1e-13)
 
 
-def test_several_problems_are_counted(write):
-    text = changed("mass = 2.0", 'mass = "heavy"').replace("title", "titel")
-    with pytest.raises(InvalidInput, match=r"2 more problems in this file"):
-        load_file(write(text))
+TANGLED = """titel = "t"
+gravity = [0.0, 0.0, 9.81, 0.0] # not three
+remarks = '''
+mass = 1 is no field: [[body]]
+'''
+tags = [
+  "a", # ]
+  "mass = 1",
+]
+
+[[body]]
+name = "sill"
+mass = -2.0
+at = [0.0, 0.0, 0.0]
+inertia = { xx = 0.3, yy = 0.4, zz = 0.5 }
+
+[[body]]
+name = "door"
+  mass = "heavy"
+at = [0.0, 0.0, 0.0]
+inertia = { xx = 0.3, yy = 0.4, zz = 0.5 }
+orientation.quaternion = [2.0, 0.0, 0.0, 0.0]
+
+[[joint]]
+name = "hinge"
+kind = "revolute"
+predecessor = "ground"
+successor = "door"
+at = [1.0, 0.0, 0.0]
+"colour" = 'red'
+
+[[joint]]
+name = "latch"
+kind = "spherical"
+predecessor = "door"
+successor = "dor"
+at = [1.0, 0.0, 0.0]
+
+[[force]]
+name = "push"
+body = "sil"
+vector = [1.0, 0.0, 0.0]
+frame = "world"
+at = [
+  0.0, 0.0, 0.0,
+]
+"""
+
+
+def test_all_problems_of_a_file_are_found_at_once_each_with_its_line(write):
+    with pytest.raises(InvalidCase) as caught:
+        load_file(write(TANGLED))
+    assert {problem.where: problem.what.split(",")[0] for problem in caught.value.problems} == {
+        "door.toml:1: titel": "unknown field",
+        "door.toml: title": "the field is missing",
+        "door.toml:2: gravity": "list should have at most 3 items after validation",
+        "door.toml:13: body 'sill': mass": "-2.0 kg is not positive",
+        "door.toml:19: body 'door'.mass": "input should be a valid number",
+        "door.toml:22: body 'door'.orientation": "the quaternion has norm 2; give a unit quaternion",
+        "door.toml:30: joint 'hinge'.colour": "unknown field",
+        "door.toml:24: joint 'hinge': axis": "the field is missing",
+        "door.toml:32: joint 'latch'": "there is no body 'dor'",
+        "door.toml:41: force 'push': body": "there is no body 'sil'",
+    }
+    assert "(9 more problems in this file; `consilience validate` tells all.)" in str(caught.value)
+    assert pickle.loads(pickle.dumps(caught.value)).problems[0].where == caught.value.problems[0].where
+
+
+def test_each_element_with_a_problem_is_named_where_the_mechanism_as_a_whole_has_one(write):
+    force = '[[force]]\nname = "f"\nbody = "ground"\nvector = [1.0, 0.0, 0.0]\nframe = "world"\nat = [0.0, 0.0, 0.0]\n'
+    spring = '[[joint_spring]]\nname = "%s"\njoint = "%s"\ncoordinate = "%s"\nstiffness = 1.0\n'
+    right, wrong = spring % ("u", "hinge", "angle"), spring % ("t", "hinge", "distance")
+    first = GOOD.count("\n") + 1
+    with pytest.raises(InvalidCase) as caught:
+        load_file(write(GOOD + spring % ("s", "hing", "angle") + force + wrong + right))
+    assert [(problem.where, problem.what) for problem in caught.value.problems] == [
+        (f"door.toml:{first}: joint spring 's'", "there is no joint 'hing'"),
+        (f"door.toml:{first + 11}: joint spring 't'", "a revolute joint has no 'distance'"),
+    ]
+
+
+def test_a_case_without_sources_is_one(write):
+    (case,) = load_file(write(changed('sources = ["test"]', "")))
+    assert case.sources == ()
+    assert "sources" not in case_table(case)
 
 
 def test_not_text(tmp_path):

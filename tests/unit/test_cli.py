@@ -181,7 +181,7 @@ def test_schema_accepts_the_shipped_names(folder):
     done = consilience("schema", "case", cwd=folder)
     schema = json.loads(done.stdout)
     assert schema["additionalProperties"] is False
-    assert set(schema["required"]) == {"title", "sources", "gravity", "body", "joint"}
+    assert set(schema["required"]) == {"title", "gravity", "body", "joint"}
 
 
 def test_list_gives_each_case_one_line_of_80_columns_and_takes_words_and_tags(tmp_path):

@@ -3,16 +3,18 @@
 import dataclasses
 import re
 import xml.etree.ElementTree as ET
+from io import BytesIO
 
 import numpy as np
 import pytest
+from matplotlib.image import imread
 
 from consilience.case import Case, load_cases
 from consilience.case.families import family_cases
 from consilience.errors import InvalidInput
 from consilience.mechanism import Initial, Rolling, Skate
 from consilience.report.figure3d import figure_of, upright, widest_view
-from consilience.report.picture import picture, views
+from consilience.report.picture import as_png, picture, views
 from consilience.report.summary import describe_case
 from consilience.report.textdrawing import COLUMNS, ROWS, draw
 from mechanisms import ELEMENTS, LOOPS, TREES, states_of
@@ -127,6 +129,15 @@ def test_the_view_is_the_widest_and_upright(name):
         other = np.linalg.qr(rng.normal(size=(3, 2)))[0].T
         assert np.sum((centered @ other.T) ** 2) <= kept * (1 + 1e-12)
     assert view[1] @ upright(mechanism.gravity)[1] >= -1e-12
+
+
+def test_a_png_is_the_picture_at_twice_its_size_with_its_words():
+    case = load_cases("four_bar")[0]
+    svg = picture(case.mechanism, case.initial_state, "")
+    image = imread(BytesIO(as_png(svg)), format="png")
+    assert image.shape[:2] == tuple(2 * round(float(ET.fromstring(svg).get(side))) for side in ("height", "width"))
+    words = image[120:420, 1860:, :3]  # the column of names, which has words alone
+    assert 0.005 < np.mean(words < 0.5) < 0.2
 
 
 @pytest.mark.parametrize("name", EVERYTHING)

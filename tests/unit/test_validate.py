@@ -134,11 +134,11 @@ def test_expected_values_have_uncertainty_origin_and_source():
 def test_what_is_invalid_is_told_beside_what_is_not(files):
     sound, invalid = load_all([*files, "no_such_case"])
     assert [case.name for case in sound] == ["good"]
-    problems = [found["problem"] for found in invalid]
-    assert "syntax.toml: body 'arm': mass" in problems[0]
+    problems = [str(found["problems"]) for found in invalid]
+    assert "syntax.toml:22: body 'arm': mass" in problems[0]
     assert "stay" in problems[1]
     assert "no_such_case" in problems[2]
-    assert all(text(found).split("\n")[0].endswith(": invalid") for found in invalid)
+    assert all(text(found).split("\n")[0].endswith(": invalid, 1 problem") for found in invalid)
 
 
 def test_a_crash_of_an_engine_is_one_line_and_the_others_go_on(files, monkeypatch):

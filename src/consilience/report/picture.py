@@ -9,10 +9,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from consilience.errors import InvalidInput
 from consilience.mechanism import Array, Mechanism, State
 from consilience.report.figure import COLOURS
 from consilience.report.figure3d import Figure3D, PlaceLabel, figure_of, upright, view_axes
@@ -63,6 +65,27 @@ def picture(mechanism: Mechanism, state: State, title: str) -> str:
     """Draw a mechanism in a state as SVG, with a title above the views."""
     pairs = [(joint.predecessor, joint.successor) for joint in mechanism.joints]
     return drawn(figure_of(mechanism, state), pairs, title)
+
+
+def as_png(svg: str) -> bytes:
+    """Render a picture as PNG, two pixels for each of the SVG.
+
+    Raises
+    ------
+    InvalidInput
+        If resvg, or Matplotlib with its fonts, is not installed.
+    """
+    try:
+        import resvg_py  # noqa: PLC0415 - an extra: only a PNG needs it
+        from matplotlib import get_data_path  # noqa: PLC0415
+    except ImportError:
+        what = "resvg is not installed, and renders it"
+        raise InvalidInput(
+            "PNG", what, "Install pip install 'consilience[plot]', or let the name end with .svg."
+        ) from None
+    fonts = Path(get_data_path()) / "fonts" / "ttf"
+    png: bytes = resvg_py.svg_to_bytes(svg, zoom=2.0, font_dirs=[str(fonts)], sans_serif_family="DejaVu Sans")
+    return png
 
 
 def drawn(figure: Figure3D, pairs: Sequence[Sequence[str]], title: str) -> str:

@@ -62,7 +62,7 @@ def describe_case(case: Case) -> str:
     lines = [
         f"{case.name}: {case.title}",
         "",
-        *(f"source: {source}" for source in case.sources),
+        *(f"source: {source}" for source in case.sources or ["not stated"]),
         "",
         *case.remarks.splitlines(),
         "",

@@ -6,12 +6,13 @@ origin. Fields of a table that have the name and the value of a field of the ele
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from typing import Any
 
 import numpy as np
 
+from consilience.case.file.problems import gathered
 from consilience.case.file.schema import (
     CaseTable,
     ContactTable,
@@ -61,28 +62,32 @@ def drawn(drawing: DrawnFrames, body: str, where: str) -> Frame:
     return drawing[body]
 
 
-def elements(table: CaseTable, drawing: DrawnFrames) -> dict[str, Any]:
-    """Return the fields of `Mechanism` that hold elements.
+def elements(table: CaseTable, drawing: DrawnFrames, problems: list[InvalidInput]) -> dict[str, Any]:
+    """Return the fields of `Mechanism` that hold elements; problems are added with the table, its name, and the field.
 
-    Raises
-    ------
-    InvalidInput
-        With the table, its name, and the field.
+    Parameters
+    ----------
+    problems : list of InvalidInput
+        Is extended; an element with a problem is left out.
     """
+
+    def made(make: Callable[[Any], Any], given: Sequence[TableModel]) -> tuple[Any, ...]:
+        return gathered(make, given, problems)
+
     return {
-        "springs": tuple(_spring(s, drawing) for s in table.spring),
-        "joint_springs": tuple(_element(JointSpring, "joint spring", s) for s in table.joint_spring),
+        "springs": made(lambda s: _spring(s, drawing), table.spring),
+        "joint_springs": made(lambda s: _element(JointSpring, "joint spring", s), table.joint_spring),
         "loads": (
-            *(_force(f, drawing) for f in table.force),
-            *(_element(Load, "torque", t, kind="torque", point=np.zeros(3)) for t in table.torque),
+            *made(lambda f: _force(f, drawing), table.force),
+            *made(lambda t: _element(Load, "torque", t, kind="torque", point=np.zeros(3)), table.torque),
         ),
-        "frictions": tuple(_friction(f) for f in table.friction),
-        "controls": tuple(_element(Control, "control", c) for c in table.control),
-        "drives": tuple(_element(Drive, "drive", d) for d in table.drive),
-        "couplings": tuple(_coupling(c) for c in table.coupling),
-        "rollings": tuple(_rolling(r, drawing) for r in table.rolling),
-        "skates": tuple(_skate(s, drawing) for s in table.skate),
-        "contacts": tuple(_contact(c, drawing) for c in table.contact),
+        "frictions": made(_friction, table.friction),
+        "controls": made(lambda c: _element(Control, "control", c), table.control),
+        "drives": made(lambda d: _element(Drive, "drive", d), table.drive),
+        "couplings": made(_coupling, table.coupling),
+        "rollings": made(lambda r: _rolling(r, drawing), table.rolling),
+        "skates": made(lambda s: _skate(s, drawing), table.skate),
+        "contacts": made(lambda c: _contact(c, drawing), table.contact),
     }
 
 

@@ -6,17 +6,20 @@ The mechanism is drawn in the world in an assembled pose. A joint is one frame o
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import ValidationError
 
 from consilience.case.bounded_reading import bounded_text, toml_tables
 from consilience.case.case import Case
 from consilience.case.file.elements import drawn, elements
+from consilience.case.file.problems import checked_table, gathered, located
 from consilience.case.file.schema import (
+    BodyGuess,
+    BodyTable,
     CaseTable,
     HeldTable,
     InitialTable,
@@ -25,7 +28,7 @@ from consilience.case.file.schema import (
     TrajectoryTable,
     VariantTable,
 )
-from consilience.case.file.values import LARGEST, Orientation
+from consilience.case.file.values import Orientation
 from consilience.case.published import ACCELERATIONS, OF_A_JOINT, REACTIONS, Published, has_coordinate
 from consilience.errors import InvalidInput
 from consilience.mechanism import (
@@ -52,10 +55,11 @@ def load_file(path: Path) -> list[Case]:
     InvalidInput
         With file, field, what is wrong and what would be right.
     """
-    return cases_from_tables(path.stem, path.name, toml_tables(bounded_text(path, LARGEST_FILE), str(path)))
+    text = bounded_text(path, LARGEST_FILE)
+    return cases_from_tables(path.stem, path.name, toml_tables(text, str(path)), text)
 
 
-def cases_from_tables(name: str, file: str, raw: Mapping[str, Any]) -> list[Case]:
+def cases_from_tables(name: str, file: str, raw: Mapping[str, Any], text: str = "") -> list[Case]:
     """Return the cases of the tables of a case file: one, or one per variant.
 
     Parameters
@@ -64,69 +68,46 @@ def cases_from_tables(name: str, file: str, raw: Mapping[str, Any]) -> list[Case
         Name of the case; variants append theirs.
     file : str
         Origin of the tables, for messages.
+    text : str
+        Text of the file, for the lines in messages.
 
     Raises
     ------
-    InvalidInput
-        With file, field, what is wrong and what would be right.
+    InvalidCase
+        With all problems that are found: file, line, field, what is wrong and what would be right.
     """
-    try:
-        table = CaseTable.model_validate(raw)
-    except ValidationError as error:
-        raise _first_problem(file, raw, error) from None
-    try:
-        return _cases(name, file, table)
-    except InvalidInput as error:
-        raise type(error)(f"{file}: {error.where}", error.what, error.remedy) from None
+    problems: list[InvalidInput] = []
+    table = checked_table(raw, problems)
+    cases = [] if table is None else _cases(name, file, table, _names(raw), problems)
+    if problems:
+        raise located(file, problems, raw, text) from None
+    return cases
 
 
-def _first_problem(file: str, raw: Mapping[str, Any], error: ValidationError) -> InvalidInput:
-    """The first problem that Pydantic found, with the number of further ones, as an error of ours."""
-    problem = error.errors(include_url=False)[0]
-    where = _location(raw, problem["loc"])
-    more = error.error_count() - 1
-    also = f" ({more} more problem{'s' * (more > 1)} in this file.)" if more else ""
-    if problem["type"] == "extra_forbidden":
-        remedy = "Remove it or correct its spelling; `consilience schema case` lists the fields."
-        return InvalidInput(f"{file}: {where}", "unknown field", remedy + also)
-    if problem["type"] == "missing":
-        return InvalidInput(f"{file}: {where}", "the field is missing", "Add it." + also)
-    message = problem["msg"].removeprefix("Value error, ")
-    given = "" if isinstance(problem["input"], dict) else f" (given: {_shown(problem['input'])})"
-    return InvalidInput(
-        f"{file}: {where}", message[0].lower() + message[1:] + given, "See `consilience schema case`." + also
-    )
+def _names(raw: Mapping[str, Any]) -> set[str]:
+    """Names of all bodies, those with problems, too: what refers to them is right."""
+    bodies = raw.get("body")
+    names = [body.get("name") for body in bodies if isinstance(body, dict)] if isinstance(bodies, list) else []
+    return {name for name in names if isinstance(name, str)}
 
 
-def _shown(value: Any) -> str:
-    """Beginning of a value; Python refuses to print integers of thousands of digits."""
-    many = isinstance(value, int) and abs(value) > LARGEST
-    return f"more than {LARGEST:g}" if many else str(value)[:60]
+def _cases(stem: str, file: str, table: CaseTable, names: set[str], problems: list[InvalidInput]) -> list[Case]:
+    """Cases of valid tables; problems are added."""
+    mechanism = _mechanism(stem, table, names, problems)
+    if mechanism is None:
+        return []
+    own = table.variants.items() if table.variants else [("", table)]
+    return [_case(f"{stem}-{v}" if v else stem, file, table, mechanism, one, problems) for v, one in own]
 
 
-def _location(raw: Any, loc: tuple[int | str, ...]) -> str:
-    """Path of a field in a file; entries of lists are named by their field `name`."""
-    text = ""
-    for part in loc:
-        if isinstance(part, int):
-            entry = raw[part] if isinstance(raw, list) and part < len(raw) else None
-            name = entry.get("name") if isinstance(entry, dict) else None
-            text += f" '{name}'" if isinstance(name, str) else f"[{part}]"
-            raw = entry
-        else:
-            text += f".{part}" if text else part
-            raw = raw.get(part) if isinstance(raw, dict) else None
-    return text
-
-
-def _cases(stem: str, file: str, table: CaseTable) -> list[Case]:
-    mechanism = _mechanism(stem, table)
-    if not table.variants:
-        return [_case(stem, file, table, mechanism, table)]
-    return [_case(f"{stem}-{name}", file, table, mechanism, v) for name, v in table.variants.items()]
-
-
-def _case(name: str, file: str, table: CaseTable, mechanism: Mechanism, own: CaseTable | VariantTable) -> Case:
+def _case(
+    name: str,
+    file: str,
+    table: CaseTable,
+    mechanism: Mechanism,
+    own: CaseTable | VariantTable,
+    problems: list[InvalidInput],
+) -> Case:
     """Case of a file or of one of its variants.
 
     Parameters
@@ -139,12 +120,13 @@ def _case(name: str, file: str, table: CaseTable, mechanism: Mechanism, own: Cas
         Table with the title, initial state, span and expected values of the case.
     """
     span = own.trajectory or table.trajectory
+    published = gathered(lambda known: _published(mechanism, *known, span), enumerate(own.published), problems)
     return Case(
         name=name,
         file=file,
         title=own.title,
         mechanism=mechanism,
-        initial=_initial(mechanism, own.initial or table.initial),
+        initial=_initial(mechanism, own.initial or table.initial, problems),
         duration=span.duration,
         sample=span.sample,
         digits=span.digits,
@@ -153,35 +135,33 @@ def _case(name: str, file: str, table: CaseTable, mechanism: Mechanism, own: Cas
         sources=tuple(table.sources),
         remarks=table.remarks.strip(),
         tags=tuple(table.tags),
-        published=tuple(_published(mechanism, own.published, span)),
+        published=tuple(one for known in published for one in known),
     )
 
 
-def _published(mechanism: Mechanism, tables: list[PublishedTable], span: TrajectoryTable) -> Iterator[Published]:
-    for n, table in enumerate(tables):
-        where = f"published[{n}]"
-        of, known = (table.body, mechanism.body_index) if table.body else (table.joint, mechanism.joint_index)
-        what = "body" if table.body else "joint"
-        if of not in known or of == GROUND:
-            raise InvalidInput(f"{where}.{what}", f"there is no {what} '{of}'", f"Name a {what} of the case.")
-        if table.observable in OF_A_JOINT and not has_coordinate(mechanism, of, table.observable):
-            kind = mechanism.joints[mechanism.joint_index[of]].kind
-            raise InvalidInput(
-                f"{where}.observable", f"a {kind} joint has no {table.observable}", "Name one of its coordinates."
-            )
-        samples = table.time / span.sample
-        if table.time > span.duration or abs(samples - round(samples)) > 1e-9 * max(samples, 1.0):
-            raise InvalidInput(
-                f"{where}.time", f"{table.time:g} s is no sample of the trajectory", "Choose a time of its grid."
-            )
-        if table.time and table.observable in (*ACCELERATIONS, *REACTIONS):
-            integrating = [c.name for c in mechanism.controls if c.integral]
-            if integrating:
-                what = f"{table.observable} at {table.time:g} s depends on the integral of control '{integrating[0]}'"
-                raise InvalidInput(f"{where}.observable", what, "Expect positions or velocities, or give the time 0.")
-        for k, value in table.components().items():
-            stated = table.model_dump(include={"observable", "time", "uncertainty", "source", "origin", "second"})
-            yield Published(of=of, component=k, value=value, **stated)
+def _published(mechanism: Mechanism, n: int, table: PublishedTable, span: TrajectoryTable) -> list[Published]:
+    where = f"published[{n}]"
+    of, known = (table.body, mechanism.body_index) if table.body else (table.joint, mechanism.joint_index)
+    what = "body" if table.body else "joint"
+    if of not in known or of == GROUND:
+        raise InvalidInput(f"{where}.{what}", f"there is no {what} '{of}'", f"Name a {what} of the case.")
+    if table.observable in OF_A_JOINT and not has_coordinate(mechanism, of, table.observable):
+        kind = mechanism.joints[mechanism.joint_index[of]].kind
+        raise InvalidInput(
+            f"{where}.observable", f"a {kind} joint has no {table.observable}", "Name one of its coordinates."
+        )
+    samples = table.time / span.sample
+    if table.time > span.duration or abs(samples - round(samples)) > 1e-9 * max(samples, 1.0):
+        raise InvalidInput(
+            f"{where}.time", f"{table.time:g} s is no sample of the trajectory", "Choose a time of its grid."
+        )
+    if table.time and table.observable in (*ACCELERATIONS, *REACTIONS):
+        integrating = [c.name for c in mechanism.controls if c.integral]
+        if integrating:
+            what = f"{table.observable} at {table.time:g} s depends on the integral of control '{integrating[0]}'"
+            raise InvalidInput(f"{where}.observable", what, "Expect positions or velocities, or give the time 0.")
+    stated = table.model_dump(include={"observable", "time", "uncertainty", "source", "origin", "second"})
+    return [Published(of=of, component=k, value=value, **stated) for k, value in table.components().items()]
 
 
 def _matrix(orientation: Orientation | None, where: str) -> Array:
@@ -191,25 +171,30 @@ def _matrix(orientation: Orientation | None, where: str) -> Array:
         raise InvalidInput(where, str(error), "Give three points that span a plane.") from None
 
 
-def _mechanism(name: str, table: CaseTable) -> Mechanism:
-    bodies = tuple(
-        Body(
-            b.name,
-            b.mass,
-            np.array(b.com),
-            b.inertia.tensor(),
-            Frame(np.array(b.at), _matrix(b.orientation, f"body '{b.name}': orientation.three_points")),
-        )
-        for b in table.body
-    )
-    drawing = {GROUND: Frame(np.zeros(3), np.eye(3))} | {b.name: b.drawing for b in bodies}
-    return Mechanism(
-        name=name,
-        gravity=np.array(table.gravity),
-        bodies=bodies,
-        joints=tuple(_joint(j, drawing) for j in table.joint),
-        **elements(table, drawing),
-    )
+def _mechanism(name: str, table: CaseTable, names: set[str], problems: list[InvalidInput]) -> Mechanism | None:
+    """Mechanism of a file; None if anything has a problem, which is added."""
+    anywhere = Frame(np.zeros(3), np.eye(3))
+    drawing = {GROUND: anywhere} | dict.fromkeys(sorted(names), anywhere)
+    bodies = gathered(_body, table.body, problems)
+    drawing |= {b.name: b.drawing for b in bodies}
+    joints = gathered(lambda j: _joint(j, drawing), table.joint, problems)
+    groups = elements(table, drawing, problems)
+    if problems:
+        return None
+    whole = partial(Mechanism, name, np.array(table.gravity), bodies, joints)
+    try:
+        return whole(**groups)
+    except InvalidInput as first:
+        problems.append(first)
+    # each element alone, for the problem of each
+    alone = [(group, element) for group, members in groups.items() for element in members]
+    gathered(lambda one: whole(**{one[0]: (one[1],)}), alone, problems)
+    return None
+
+
+def _body(b: BodyTable) -> Body:
+    orientation = _matrix(b.orientation, f"body '{b.name}': orientation.three_points")
+    return Body(b.name, b.mass, np.array(b.com), b.inertia.tensor(), Frame(np.array(b.at), orientation))
 
 
 def _rod_axis(at: Sequence[float], to: Sequence[float], where: str) -> list[float]:
@@ -283,17 +268,25 @@ def _held(table: HeldTable, where: str, rates: bool) -> dict[str, Any]:
     return held
 
 
-def _initial(mechanism: Mechanism, table: InitialTable) -> Initial:
-    poses = {}
-    for name, guess in table.bodies.items():
-        poses[name] = Frame(np.zeros(3), np.eye(3))  # any pose for an unknown body, which assembly refuses
-        if name in mechanism.body_index and name != GROUND:
-            drawn, given = mechanism.bodies[mechanism.body_index[name]].drawing, guess.orientation
-            R = drawn.R if given is None else _matrix(given, f"initial.bodies.{name}.orientation")
-            poses[name] = Frame(drawn.p if guess.at is None else np.array(guess.at), R)
+def _guess(mechanism: Mechanism, name: str, guess: BodyGuess) -> tuple[str, Frame]:
+    """Name and pose of a body before assembly; any pose for an unknown body, which assembly refuses."""
+    if name not in mechanism.body_index or name == GROUND:
+        return name, Frame(np.zeros(3), np.eye(3))
+    drawn, given = mechanism.bodies[mechanism.body_index[name]].drawing, guess.orientation
+    R = drawn.R if given is None else _matrix(given, f"initial.bodies.{name}.orientation")
+    return name, Frame(drawn.p if guess.at is None else np.array(guess.at), R)
+
+
+def _initial(mechanism: Mechanism, table: InitialTable, problems: list[InvalidInput]) -> Initial:
+    def held(tables: Mapping[str, HeldTable], field: str) -> dict[str, dict[str, Any]]:
+        def one(entry: tuple[str, HeldTable]) -> tuple[str, dict[str, Any]]:
+            return entry[0], _held(entry[1], f"initial.{field}.{entry[0]}", field == "rates")
+
+        return dict(gathered(one, tables.items(), problems))
+
     return Initial(
-        coordinates={n: _held(t, f"initial.joints.{n}", rates=False) for n, t in table.joints.items()},
-        rates={n: _held(t, f"initial.rates.{n}", rates=True) for n, t in table.rates.items()},
-        poses=poses,
+        coordinates=held(table.joints, "joints"),
+        rates=held(table.rates, "rates"),
+        poses=dict(gathered(lambda entry: _guess(mechanism, *entry), table.bodies.items(), problems)),
         velocities={n: (g.velocity, g.angular_velocity) for n, g in table.bodies.items()},
     )

@@ -321,7 +321,7 @@ class CaseTable(TableModel):
     """A case file. SI units, radians, right-handed frames."""
 
     title: Text
-    sources: Annotated[list[Text], Field(min_length=1, max_length=100)]
+    sources: Annotated[list[Text], Field(max_length=100)] = Field(default_factory=list)
     remarks: Text = ""
     tags: Annotated[list[Text], Field(max_length=100)] = Field(default_factory=list)
     gravity: Triple = Field(description="m/s^2, in world axes.")

@@ -83,7 +83,7 @@ def case_table(case: Case) -> TomlTable:
     mechanism = case.mechanism
     return {
         "title": case.title,
-        "sources": list(case.sources) or ["written by Consilience"],
+        **({"sources": list(case.sources)} if case.sources else {}),
         **({"remarks": case.remarks} if case.remarks else {}),
         **({"tags": list(case.tags)} if case.tags else {}),
         "gravity": mechanism.gravity.tolist(),

@@ -193,6 +193,7 @@ def _versions_folder() -> Diagnosis:
 
 EXTRAS = {
     "matplotlib": "plot",
+    "resvg_py": "plot",
     "casadi": "lagrange",
     "hypothesis": "fuzz",
     "pandas": "frames",

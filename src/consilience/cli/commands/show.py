@@ -15,7 +15,7 @@ from consilience.compare.judge import REFERENCE
 from consilience.errors import InvalidInput, nearest
 from consilience.report.html import render_replay
 from consilience.report.pages import write_pages
-from consilience.report.picture import picture
+from consilience.report.picture import as_png, picture
 from consilience.report.record import read_record
 from consilience.report.replay import motion_alone
 from consilience.report.replayschema import read_replay
@@ -30,7 +30,7 @@ LIMIT = 600.0
 def show(
     case: AnyCaseName,
     drawn: Annotated[
-        Path | None, typer.Option("--picture", metavar="FILE.svg", help="Draw it in four views as well.")
+        Path | None, typer.Option("--picture", metavar="FILE", help="Draw it in four views as well: .svg or .png.")
     ] = None,
     view: Annotated[
         bool, typer.Option("--view", help="Simulate it by the reference, and open it in motion in the browser.")
@@ -43,18 +43,19 @@ def show(
     """Show a case: source, drawing, bodies, joints, freedom, initial state, expected values."""
     cases = load_cases(case)
     first = cases[0]
-    for path, ending in ((drawn, ".svg"), (output, ".html")):
+    for path, content, endings in ((drawn, "picture", (".svg", ".png")), (output, "page", (".html",))):
         if path is not None:
-            require_ending(path, "picture", ending)
+            require_ending(path, content, *endings)
     if (drawn is not None or view) and len(cases) > 1:
         names = ", ".join(c.name for c in cases)
         raise InvalidInput(f"case '{case}'", f"it has {len(cases)} variants", f"Name one: {names}.")
     if drawn is not None:
-        _write(drawn, picture(first.mechanism, first.initial_state, f"{first.name}: {first.title}"))
+        svg = picture(first.mechanism, first.initial_state, f"{first.name}: {first.title}")
+        _write(drawn, as_png(svg) if drawn.suffix == ".png" else svg.encode())
     if view:
         target = output or Path(f"{first.name}.html")
         answer, how = simulate_case(first, REFERENCE, LIMIT)
-        _write(target, render_replay(first.name, first.title, motion_alone(first, answer, how)))
+        _write(target, render_replay(first.name, first.title, motion_alone(first, answer, how)).encode())
         _open(target)
     for chosen in cases:
         say(describe_case(chosen))
@@ -86,9 +87,9 @@ def _largest_difference(motion: dict[str, Any]) -> float:
     return max((e["away"] / motion["reference"]["size"] for e in motion["engines"].values()), default=0.0)
 
 
-def _write(path: Path, text: str) -> None:
+def _write(path: Path, content: bytes) -> None:
     with writing(path):
-        path.write_text(text, encoding="utf-8")
+        path.write_bytes(content)
 
 
 def _open(path: Path, place: str = "") -> None:

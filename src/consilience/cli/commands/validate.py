@@ -11,6 +11,7 @@ from typing import Any
 import typer
 
 from consilience.case import Case, load_cases
+from consilience.case.file.problems import InvalidCase
 from consilience.cli.options import CaseFiles, EngineNames, Form, MessageLimit, OutputFormat, chosen_engines
 from consilience.cli.terminal import say
 from consilience.engine import EngineInfo, Method, Question
@@ -18,6 +19,7 @@ from consilience.engine.worker.client import Worker, in_parallel
 from consilience.engine.worker.requests import Plan, Request
 from consilience.errors import InvalidInput, visible
 from consilience.report.anatomy import anatomy, dependency_lines, expected_lines, freedom_line, warnings
+from consilience.report.wording import counted
 
 
 def load_all(names: Sequence[str]) -> tuple[list[Case], list[dict[str, Any]]]:
@@ -28,16 +30,23 @@ def load_all(names: Sequence[str]) -> tuple[list[Case], list[dict[str, Any]]]:
         try:
             cases = load_cases(name)
         except InvalidInput as error:
-            invalid.append({"case": name, "valid": False, "problem": str(error)})
+            invalid.append(refused(name, error))
             continue
         for case in cases:
             try:
                 _ = case.states
             except InvalidInput as error:
-                invalid.append({"case": case.name, "valid": False, "problem": str(error)})
+                invalid.append(refused(case.name, error))
             else:
                 sound.append(case)
     return sound, invalid
+
+
+def refused(name: str, error: InvalidInput) -> dict[str, Any]:
+    """Describe what is wrong with a case: all problems of its file, each with place and remedy."""
+    found = error.problems if isinstance(error, InvalidCase) else (error,)
+    problems = [{"where": one.where, "what": one.what, "remedy": one.remedy} for one in found]
+    return {"case": name, "valid": False, "problems": problems}
 
 
 def examine(case: Case) -> dict[str, Any]:
@@ -122,7 +131,8 @@ def validate_cases(names: Sequence[str], engines: Sequence[str], limit: float, j
 def text(found: dict[str, Any]) -> str:
     """Write the findings of one case as text for the terminal."""
     if not found["valid"]:
-        return f"{found['case']}: invalid\n  {found['problem']}\n"
+        problems = [f"  {one['where']}: {one['what']}. {one['remedy']}" for one in found["problems"]]
+        return "\n".join([f"{found['case']}: invalid, {counted(len(problems), 'problem')}", *problems, ""])
     lines = [f"{found['case']}: valid: {found['title']}", *(f"  {line}" for line in health_lines(found))]
     lines += [f"  warning: {w}" for w in found["warnings"]]
     lines += ["  not checked: growth of small errors; `consilience run` measures it", ""]
