@@ -30,7 +30,8 @@ grow in proportion.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -151,6 +152,13 @@ def _driven(mechanism: Mechanism, state: State) -> float:
     alone = (forces + torques / length) / [b.mass for b in mechanism.bodies]
     drives = [abs(d.motion.at(0.0)[2]) * (1.0 if d.coordinate == "distance" else length) for d in mechanism.drives]
     return float(np.max([*alone, *drives]))
+
+
+def instants_at(answer: InstantAnswer, states: Sequence[int]) -> InstantAnswer:
+    """Return an answer at some of its states, by their numbers."""
+    own = {field.name: getattr(answer, field.name) for field in fields(answer)}
+    chosen: dict[str, Any] = {name: None if a is None else a[list(states)] for name, a in own.items()}
+    return InstantAnswer(**chosen)
 
 
 def relative_difference(found: ArrayLike, expected: ArrayLike, floor: float = 0.0) -> float:

@@ -7,18 +7,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
 from consilience.case import Case
-from consilience.compare.instant import Instants, compare_instant, compare_model
+from consilience.compare.instant import Instants, compare_instant, compare_model, instants_at
 from consilience.compare.judge import REFERENCE, reference_motion_of
 from consilience.compare.power_of_bars import at_first_states, instants_at_first_states, with_power
 from consilience.compare.published import dispute, start_against_published
 from consilience.compare.result import Comparison, Quantity, Verdict
 from consilience.compare.trajectory import compare_trajectory
 from consilience.engine import Method, ModelAnswer, Profile, Question, Run
-from consilience.mechanism import characteristic_length
+from consilience.mechanism import State, characteristic_length, first_singular, is_singular, singular_pose
 
 
 class QuestionJudge:
@@ -78,11 +79,14 @@ class InstantJudge(QuestionJudge):
     def __init__(self, case: Case, references: Sequence[Run], before: Sequence[Comparison]) -> None:
         super().__init__(case, references, before)
         self.instants = Instants.of(case.mechanism, case.states)
+        self.regular = [n for n, state in enumerate(case.states) if not is_singular(case.mechanism, state)]
         self.known = start_against_published(case.mechanism, case.published, self.reference, self.instants)
 
     def compare(self, levels: Sequence[Run], softer: Sequence[Run]) -> Comparison:
         """Compare with bars that depend on the condition; a disputed reference fails no engine."""
         run, soft = levels[-1], [run.answer for run in softer]
+        if len(self.regular) < len(self.case.states):
+            return self._beside_singular_poses(run)
         compared = compare_instant(
             self.case.name, run.engine, method_of(run), run.answer, self.reference, self._instants(run), soft
         )
@@ -94,6 +98,25 @@ class InstantJudge(QuestionJudge):
             return compared
         why = f"the reference is disputed: {disputed}"
         return replace(compared, verdict=Verdict.UNRESOLVED, rule="disputed reference", why=why)
+
+    def _beside_singular_poses(self, run: Run) -> Comparison:
+        """Compare at the states that are not at singular poses; if none of them decides, there is no verdict."""
+        case, method = self.case, method_of(run)
+        if self.regular:
+            answer, reference = (instants_at(given, self.regular) for given in (run.answer, self.reference))
+            instants = Instants.of(case.mechanism, [case.states[n] for n in self.regular])
+            compared = compare_instant(case.name, run.engine, method, answer, reference, instants)
+            if compared.verdict is Verdict.MODEL:
+                return compared
+        n = next(n for n in range(len(case.states)) if n not in self.regular)
+        why = (
+            f"state {n} is at a singular pose ({singular_pose(case.mechanism, case.states[n])}): accelerations are open"
+        )
+        return Comparison(
+            *(case.name, run.engine, Question.INSTANT, method.name, method.route, Verdict.UNRESOLVED, why),
+            rule="singular pose",
+            profile=method.profile,
+        )
 
     def _in_place_of(self, run: Run, perturbed: Run) -> tuple[Quantity, ...]:
         """Compare the answer about a mechanism with an error as that of an engine, at its states."""
@@ -117,11 +140,28 @@ class TrajectoryJudge(QuestionJudge):
         self.reference_motion, self.known = reference_motion_of(case, references)
 
     def compare(self, levels: Sequence[Run], softer: Sequence[Run]) -> Comparison:
-        """Compare by the rules; the coarser levels of the best reference are shown with the published values."""
+        """Compare by the rules; the coarser levels of the best reference are shown with the published values.
+
+        Where the motion passes a singular pose, a difference counts only before it: there a motion may take another
+        branch.
+        """
         own = [run for run in levels if run is not self.references[0]]
-        earlier = self._earlier(levels[0])
-        compared = compare_trajectory(self.case.mechanism, own, self.reference_motion, softer, earlier)
+        earlier, mechanism = self._earlier(levels[0]), self.case.mechanism
+        compared = compare_trajectory(mechanism, own, self.reference_motion, softer, earlier)
+        if compared.verdict in (Verdict.MODEL, Verdict.UNRESOLVED) and self._first_singular is not None:
+            before = replace(self.reference_motion, singular=self._first_singular)
+            compared = compare_trajectory(mechanism, own, before, softer, earlier)
+            at = before.answer.time[self._first_singular]
+            why = f"{compared.why}; a singular pose comes before {at:.3g} s, and nothing is judged behind it"
+            compared = replace(compared, why=why)
         return compared if len(own) == len(levels) else replace(compared, quantities=self.known)
+
+    @cached_property
+    def _first_singular(self) -> int | None:
+        """First sample of the reference motion at or behind a singular pose."""
+        motion = self.reference_motion.answer
+        states = [State(*at) for at in zip(motion.p_WB, motion.quat_WB, motion.v_WB_W, motion.w_WB_W, strict=True)]
+        return first_singular(self.case.mechanism, states, motion.time)
 
     def _earlier(self, run: Run) -> str:
         """Describe the difference of an engine at `model`, or at `instant` if all methods of the profile differ."""

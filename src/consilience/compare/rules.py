@@ -81,6 +81,8 @@ class Evidence:
         Finest step, zero for tolerances; fastest rate of the case; fastest turning of a spring's direction.
     cut : str
         Why no finer level was asked, in words; empty if the number of levels ended the ladder.
+    singular : bool
+        Whether judging ends at a singular pose.
     earlier : str
         Difference of the same engine at `model` or `instant`, in words; empty if there is none.
     velocities : float
@@ -114,6 +116,7 @@ class Evidence:
     turning: float = 0.0
     cut: str = ""
     effect: float | None = None
+    singular: bool = False
 
     @property
     def allowed(self) -> float:
@@ -233,6 +236,14 @@ def _not_asymptotic_text(e: Evidence) -> str:
 
 
 RULES: tuple[Rule, ...] = (
+    Rule(
+        "singular pose",
+        Verdict.UNRESOLVED,
+        "it differs, and the motion is at a singular pose before the second sample",
+        lambda e: e.singular and e.judged <= 0.0,
+        lambda e: "the motion starts at a singular pose, where the constraints do not determine how it goes on",
+        final=True,
+    ),
     Rule(
         "horizon",
         Verdict.UNRESOLVED,

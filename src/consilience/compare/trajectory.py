@@ -70,6 +70,8 @@ class ReferenceMotion:
         Published value that contradicts the reference beyond both uncertainties; empty if none does.
     sensitivities : tuple of MotionSensitivity
         Of the parameters that act, one of each kind; none if unknown.
+    singular : int or None
+        First sample at or behind a singular pose, at which judging ends; None if the motion is judged behind as well.
     """
 
     answer: TrajectoryAnswer
@@ -78,13 +80,15 @@ class ReferenceMotion:
     growth: Array | None = field(default=None)
     dispute: str = ""
     sensitivities: tuple[MotionSensitivity, ...] = ()
+    singular: int | None = None
 
     @property
     def judged(self) -> int:
-        """Number of samples before the horizon."""
+        """Number of samples before the horizon, and before a singular pose."""
+        most = len(self.answer.time) if self.singular is None else self.singular
         if self.growth is None:
-            return len(self.answer.time)
-        return judged_samples(self.growth, self.spread, self.digits)
+            return most
+        return min(most, judged_samples(self.growth, self.spread, self.digits))
 
 
 @dataclass(frozen=True)
@@ -161,6 +165,7 @@ class _Levels:
             duration=float(np.ptp(time)),
             reference=float(self.reference_motion.spread[last]),
             dispute=self.reference_motion.dispute,
+            singular=self.reference_motion.singular is not None,
             finest=float(np.max(self.errors[-1][: self.judged], initial=0.0)),
             limit=ladder.limit,
             band=ladder.band,

@@ -12,8 +12,9 @@ from consilience.mechanism.assembly import (
     assemble_velocities,
     drawing_state,
     initial_state,
-    move,
+    row_names,
 )
+from consilience.mechanism.branches import SingularPose, singular_pose
 from consilience.mechanism.conditioning import mass_matrix_condition, reaction_condition, worst_condition
 from consilience.mechanism.constraints import (
     RANK_TOLERANCE,
@@ -81,6 +82,7 @@ from consilience.mechanism.observables import (
 from consilience.mechanism.parameter_effects import ParameterEffects
 from consilience.mechanism.perturbation import Perturbation, PhysicalParameter, physical_parameters, states_in_motion
 from consilience.mechanism.rates import fastest_rate, turning_rate
+from consilience.mechanism.singular import first_singular, is_singular, move
 from consilience.mechanism.solids import Solid, ball, bar, block
 from consilience.mechanism.spanning_tree import spanning_tree
 from consilience.mechanism.spatial import (
@@ -136,6 +138,7 @@ __all__ = [
     "PointPlane",
     "RelativeMotion",
     "Rolling",
+    "SingularPose",
     "Skate",
     "Solid",
     "SpherePlane",
@@ -172,12 +175,14 @@ __all__ = [
     "elementary_rotation",
     "euler_parameter_matrix",
     "fastest_rate",
+    "first_singular",
     "free_directions",
     "friction_law",
     "full_turns",
     "holonomic_rows",
     "in_units",
     "initial_state",
+    "is_singular",
     "joint_coordinates",
     "joint_frames",
     "joint_rates",
@@ -219,11 +224,13 @@ __all__ = [
     "rotation_with_z_axis",
     "row_gamma",
     "row_jacobian",
+    "row_names",
     "row_sizes",
     "row_target",
     "row_value",
     "scaled_jacobian",
     "sine",
+    "singular_pose",
     "skew",
     "spanning_tree",
     "spring_force",

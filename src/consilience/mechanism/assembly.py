@@ -31,12 +31,11 @@ from consilience.mechanism.constraints import (
 from consilience.mechanism.joint_rows import joint_frames, row_jacobian, scatter
 from consilience.mechanism.joints import JOINT_KINDS
 from consilience.mechanism.model import GROUND, Frame, Joint, Mechanism, State
+from consilience.mechanism.singular import is_singular, move
 from consilience.mechanism.spatial import (
     Array,
     fixed_array,
     quaternion_from_rotation,
-    quaternion_from_rotation_vector,
-    quaternion_product,
     rotation_from_quaternion,
     rotation_vector_from_quaternion,
 )
@@ -75,14 +74,6 @@ def drawing_state(mechanism: Mechanism, poses: Mapping[str, Frame] | None = None
     frames = [(poses or {}).get(b.name, b.drawing) for b in mechanism.bodies]
     zeros = np.zeros((len(frames), 3))
     return State(np.array([f.p for f in frames]), quaternion_from_rotation([f.R for f in frames]), zeros, zeros)
-
-
-def move(state: State, increments: Array) -> State:
-    """Displace every body by ``(dr, phi)``, m and rad in world axes; `increments` has shape (6 n_b,)."""
-    steps = increments.reshape(-1, 6)
-    quats = quaternion_product(quaternion_from_rotation_vector(steps[:, 3:]), state.quat_WB)
-    unit = quats / np.linalg.norm(quats, axis=1, keepdims=True)
-    return State(state.p_WB + steps[:, :3], unit, state.v_WB_W, state.w_WB_W)
 
 
 def _joint(mechanism: Mechanism, name: str, field_name: str) -> Joint:
@@ -245,11 +236,16 @@ def assemble_positions(
             break
         state, residual, error = trial, trial_residual, largest_residual(trial_residual)
     if error > CONVERGED * max(1.0, largest_residual(state.p_WB) / characteristic_length(mechanism)):
+        why = f"after {iterations} iterations"
+        remedy = "Draw the mechanism closer to an assembled pose, or hold fewer or other joint coordinates."
+        if is_singular(mechanism, guess, t, lambda at: _jacobian(mechanism, at, held, t)):
+            residual, why = _residual(mechanism, guess, held, t) / rows, "as drawn, at a singular pose (a dead centre)"
+            remedy = "It can leave that pose to either side: draw it off the pose, on the side that you mean."
         worst = int(np.argmax(np.abs(residual)))
         raise CannotAssemble(
             f"mechanism '{mechanism.name}': {row_names(mechanism, held, velocities=False)[worst]}",
-            f"it stays violated by {abs(residual[worst] * rows[worst]):.3g} after {iterations} iterations",
-            "Draw the mechanism closer to an assembled pose, or hold fewer or other joint coordinates.",
+            f"it stays violated by {abs(residual[worst] * rows[worst]):.3g} {why}",
+            remedy,
         )
     refuse_flipped(mechanism, state)
     return state
@@ -292,14 +288,15 @@ def assemble_velocities(
         The held rates contradict the joints or each other.
     """
     held = held or []
-    jacobian = [constraint_jacobian(mechanism, state, t=t)]
-    target = [constraint_rates(mechanism, t)]
-    for joint, coordinate, value in held:
-        jacobian.append(scatter(mechanism, joint, held_rows(mechanism, state, joint, coordinate)))
-        target.append(np.atleast_1d(np.asarray(value, dtype=float)))
+
+    def jacobian(at: State) -> Array:
+        own = [scatter(mechanism, joint, held_rows(mechanism, at, joint, name)) for joint, name, _ in held]
+        return np.vstack([constraint_jacobian(mechanism, at, t=t), *own])
+
+    target = [constraint_rates(mechanism, t), *(np.atleast_1d(np.asarray(value, float)) for _, _, value in held)]
     rows = np.concatenate([row_sizes(mechanism), _held_sizes(mechanism, held)])
     columns = velocity_sizes(mechanism)
-    Q, nu = np.vstack(jacobian) * columns / rows[:, None], np.concatenate(target) / rows
+    Q, nu = jacobian(state) * columns / rows[:, None], np.concatenate(target) / rows
     v = np.hstack([state.v_WB_W, state.w_WB_W]).ravel() / columns
     for _ in range(2):  # the second pass removes the rounding of the first
         v = v + np.linalg.lstsq(Q, nu - Q @ v, rcond=RANK_TOLERANCE)[0]
@@ -309,10 +306,14 @@ def assemble_velocities(
         asked = np.arange(len(error)) >= mechanism.constraint_count()
         # name a rate that was asked for, rather than the constraint that opposes it
         worst = int(np.argmax(np.where(asked & (np.abs(error) > allowed), np.inf, np.abs(error))))
+        why, remedy = "the held rates contradict the joints", "Hold no more rates than the mechanism has freedoms."
+        if is_singular(mechanism, state, t, jacobian):
+            why = "it is at a singular pose (a dead centre, or one where it locks), and no motion has these rates"
+            remedy = "Start beside that pose, or hold rates with which the mechanism can leave it."
         raise CannotAssemble(
             f"mechanism '{mechanism.name}': {row_names(mechanism, held, velocities=True)[worst]}",
-            f"its rate stays wrong by {abs(error[worst] * rows[worst]):.3g}: the held rates contradict the joints",
-            "Hold no more rates than the mechanism has degrees of freedom.",
+            f"its rate stays wrong by {abs(error[worst] * rows[worst]):.3g}: {why}",
+            remedy,
         )
     both = (v * columns).reshape(-1, 6)
     return State(state.p_WB, state.quat_WB, both[:, :3], both[:, 3:])

@@ -9,9 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from consilience.errors import CannotAssemble
-from consilience.mechanism.assembly import assemble_positions, assemble_velocities, largest_residual, move
+from consilience.mechanism.assembly import assemble_positions, assemble_velocities, largest_residual
 from consilience.mechanism.constraints import null_space, scaled_jacobian, velocity_sizes
 from consilience.mechanism.model import Mechanism, State
+from consilience.mechanism.singular import move
 from consilience.mechanism.spatial import Array
 
 STEPS = (0.05, 0.45)

@@ -11,11 +11,11 @@ from dataclasses import replace
 import numpy as np
 
 from consilience.mechanism.applied_forces import applied_wrenches
-from consilience.mechanism.assembly import move
 from consilience.mechanism.constraints import free_directions
 from consilience.mechanism.elements import Spring
 from consilience.mechanism.model import Mechanism, State
 from consilience.mechanism.observables import SampledMotion, body_point, mass_matrix
+from consilience.mechanism.singular import move
 from consilience.mechanism.spatial import Array
 from consilience.mechanism.units import characteristic_length, in_units, own_units
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -12,19 +12,27 @@ from consilience.mechanism import (
     Array,
     Mechanism,
     State,
+    assemble_positions,
+    assemble_velocities,
     body_point,
+    constraint_gamma,
+    constraint_jacobian,
     continuous_in_time,
     kinetic_energy,
     potential_energy,
     require_states,
+    row_names,
+    velocity_sizes,
 )
 from consilience.mechanism.elements import NO_LENGTH
 from consilience.reference.bodies.arrays import flatten, pack, workspace
 from consilience.reference.bodies.canonical import canonical_motion, sample_times
 from consilience.reference.bodies.forces import count_turns
+from consilience.reference.bodies.residual import SOLVABLE, CheckedRows, check_given, check_motion, check_solvable
 from consilience.reference.formulations import compiled_choice, compiled_dop853, registry
 from consilience.reference.formulations.body_velocities import AppliedForces, KernelFormulation, kernel_names
 from consilience.reference.integrators.step_control import STATUS
+from consilience.reference.kernel.mechanism_record import record_array
 from consilience.reference.steppers.driver import counts_of
 from consilience.reference.tree.solver import INTEGRATORS, simulate_relative
 
@@ -37,6 +45,7 @@ def simulate(
     formulation: str = "descriptor",
     integrator: str | None = None,
     forces: AppliedForces | None = None,
+    assemble: bool = False,
 ) -> TrajectoryAnswer:
     """Integrate the motion of a mechanism.
 
@@ -61,6 +70,9 @@ def simulate(
     forces : callable, optional
         ``forces(t, state)``: force (N) and torque (N m) on each body at its origin, world axes, shape (n_b, 6), in
         addition to those of the mechanism; for formulations in body velocities, called at every evaluation.
+    assemble : bool
+        Whether to replace the state by the consistent one that is nearest to it; otherwise it is refused where joints
+        or drives are violated by more than 1e-9 of the length, or of the speeds, of the mechanism.
 
     Returns
     -------
@@ -70,18 +82,18 @@ def simulate(
     Raises
     ------
     InvalidInput
-        Unknown formulation or integrator, tolerance out of range, times that do not increase, or a mechanism that the
-        formulation cannot represent.
+        Unknown formulation or integrator, tolerance out of range, times that do not increase, a state that is not
+        consistent, or a mechanism that the formulation cannot represent.
     NumericalFailure
-        With the status of the integrator.
+        With the status of the integrator, or the time and the constraint that is violated beyond the tolerance.
     """
     require_states(mechanism, (state,))
     registry.refuse_contacts(mechanism)
+    if assemble:
+        t = float(sample_times(times)[0])
+        state = assemble_velocities(mechanism, assemble_positions(mechanism, state, t=t), t=t)
     if formulation in registry.SYSTEMS:
-        for what, given in (("integrator", integrator), ("forces", forces)):
-            if given is not None:
-                raise InvalidInput(what, f"{formulation} takes none", "Leave it out.")
-        return registry.system(formulation)(mechanism, state, times, tolerance)
+        return _system(mechanism, state, times, tolerance, formulation, {"integrator": integrator, "forces": forces})
     if not 1e-14 <= tolerance <= 1e-3:
         raise InvalidInput("tolerance", f"{tolerance} is out of range", "Choose 1e-14 to 1e-3.")
     try:
@@ -105,6 +117,40 @@ def _simulate(
     integrator = integrator or "dop853"
     if forces is None and integrator == "dop853" and formulation in compiled_choice.FORMULATIONS:
         return _compiled(mechanism, state, times, tolerance, formulation)
+    return _interpreted(mechanism, state, times, tolerance, formulation, integrator, forces)
+
+
+def _system(
+    mechanism: Mechanism, state: State, times: Array, tolerance: float, formulation: str, others: dict[str, object]
+) -> TrajectoryAnswer:
+    """Integrate a formulation of index 2 or 3, which takes no other arguments.
+
+    Parameters
+    ----------
+    mechanism, state, times, tolerance, formulation
+        As in `simulate`.
+    others : dict
+        Arguments to refuse unless they are None.
+    """
+    for what, given in others.items():
+        if given is not None:
+            raise InvalidInput(what, f"{formulation} takes none", "Leave it out.")
+    integrate = registry.system(formulation)
+    return _checked(
+        mechanism, state, times, tolerance, formulation, lambda: integrate(mechanism, state, times, tolerance)
+    )
+
+
+def _interpreted(
+    mechanism: Mechanism,
+    state: State,
+    times: Array,
+    tolerance: float,
+    formulation: str,
+    integrator: str,
+    forces: AppliedForces | None,
+) -> TrajectoryAnswer:
+    """Integrate in Python; parameters as in `simulate`."""
     from consilience.reference.integrators.adaptive import integrate  # noqa: PLC0415 - SciPy takes long to import
 
     equations = registry.formulation(formulation, mechanism)
@@ -112,11 +158,44 @@ def _simulate(
         if not isinstance(equations, KernelFormulation):
             raise InvalidInput("forces", f"{formulation} takes none", f"Use one of {', '.join(kernel_names())}.")
         equations.forces = forces
-    motion = integrate(equations, equations.coordinates(state), times, tolerance, integrator)
-    p, quat, v, w = (
-        np.array([getattr(s, name) for s in motion.states]) for name in ("p_WB", "quat_WB", "v_WB_W", "w_WB_W")
-    )
-    return TrajectoryAnswer(times, p, continuous_in_time(quat), v, w, dict(motion.counters))
+
+    def answer() -> TrajectoryAnswer:
+        motion = integrate(equations, equations.coordinates(state), times, tolerance, integrator)
+        p, quat, v, w = (
+            np.array([getattr(s, name) for s in motion.states]) for name in ("p_WB", "quat_WB", "v_WB_W", "w_WB_W")
+        )
+        return TrajectoryAnswer(times, p, continuous_in_time(quat), v, w, dict(motion.counters))
+
+    return _checked(mechanism, state, times, tolerance, formulation, answer)
+
+
+def _checked(
+    mechanism: Mechanism,
+    state: State,
+    times: Array,
+    tolerance: float,
+    formulation: str,
+    answer: Callable[[], TrajectoryAnswer],
+) -> TrajectoryAnswer:
+    """Return a motion whose rows are satisfied, from its first state on.
+
+    Parameters
+    ----------
+    mechanism, state, times, tolerance, formulation
+        As in `simulate`.
+    answer : callable
+        Integrates the motion.
+    """
+    model, y, times = flatten(mechanism), pack(mechanism, state), sample_times(times)
+    check_given(mechanism, model, times, y)
+    check_solvable(mechanism, model, times[0], y)
+    found = answer()
+    if registry.holds_constraints(formulation):
+        samples = zip(found.p_WB, found.quat_WB, found.v_WB_W, found.w_WB_W, strict=True)
+        states = np.array([pack(mechanism, State(*sample)) for sample in samples])
+        label = f"reference, {formulation}, tolerance {tolerance:g}"
+        check_motion(mechanism, record_array(CheckedRows(model)), model, times, states, tolerance, label)
+    return found
 
 
 def _compiled(mechanism: Mechanism, state: State, times: Array, tolerance: float, formulation: str) -> TrajectoryAnswer:
@@ -132,11 +211,15 @@ def _compiled(mechanism: Mechanism, state: State, times: Array, tolerance: float
     model = flatten(mechanism)
     ws, y = workspace(model), pack(mechanism, state)
     motion, scratch = np.empty((len(times), *y.shape)), compiled_dop853.dop853_scratch(model, y)
+    check_given(mechanism, model, times, y)
+    check_solvable(mechanism, model, times[0], y)
     count_turns(model, y, ws, scratch.turns)
     number = compiled_choice.FORMULATIONS[formulation]
+    label = f"reference, {formulation}, tolerance {tolerance:g}"
     status = compiled_dop853.integrate(number, model, y, times, float(tolerance), ws, motion, scratch)
     if status:
-        raise NumericalFailure(f"reference, {formulation}, tolerance {tolerance:g}: {STATUS[status]}")
+        raise NumericalFailure(f"{label}: {STATUS[status]}")
+    check_motion(mechanism, record_array(CheckedRows(model)), model, times, motion, tolerance, label)
     p, quat, v, w = canonical_motion(np.array([b.com for b in mechanism.bodies]), motion)
     return TrajectoryAnswer(times, p, quat, v, w, counts_of(scratch.run))
 
@@ -169,7 +252,8 @@ def accelerations(
     InvalidInput
         Unknown formulation, or a mechanism that the formulation cannot represent.
     NumericalFailure
-        If the accelerations are not finite, for example at a spring of no length.
+        If the accelerations are not finite, for example at a spring of no length, or do not satisfy a constraint: at a
+        singular pose velocities may lead along no motion.
     """
     require_states(mechanism, states)
     equations = registry.formulation(formulation, mechanism)
@@ -179,6 +263,7 @@ def accelerations(
             a, alpha = equations.accelerations(state, t)
         except NumericalFailure as error:
             raise NumericalFailure(f"{error}{_causes(mechanism, state)}") from None
+        _refuse_unsolved(mechanism, state, t, np.hstack([a, alpha]).ravel(), formulation)
         linear.append(a)
         angular.append(alpha)
         reaction = equations.reactions(state, t)
@@ -193,3 +278,22 @@ def accelerations(
         kinetic=np.array([kinetic_energy(mechanism, s) for s in states]),
         potential=np.array([potential_energy(mechanism, s) for s in states]),
     )
+
+
+def _refuse_unsolved(mechanism: Mechanism, state: State, t: float, a: Array, formulation: str) -> None:
+    """Refuse accelerations (a_WB_W, alpha_WB_W) of all bodies, shape (6 n_b,), with a residual of ``Q a = gamma``.
+
+    Raises
+    ------
+    NumericalFailure
+        With the row of the largest residual.
+    """
+    Q, gamma = constraint_jacobian(mechanism, state, t=t), constraint_gamma(mechanism, state, t=t)
+    sizes = np.linalg.norm(Q * velocity_sizes(mechanism), axis=1)
+    left, terms = np.abs(Q @ a - gamma) / sizes, (np.abs(Q) @ np.abs(a) + np.abs(gamma)) / sizes
+    if np.max(left, initial=0.0) > SOLVABLE * np.max(terms, initial=0.0):
+        worst = int(np.argmax(left))
+        raise NumericalFailure(
+            f"reference, {formulation}: the acceleration of {row_names(mechanism, [], velocities=True)[worst]} stays "
+            f"wrong by {left[worst] * sizes[worst]:.3g}: no accelerations satisfy all constraints at this state"
+        )

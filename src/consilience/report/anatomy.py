@@ -28,6 +28,7 @@ from consilience.mechanism import (
     determinate_reactions,
     joint_frames,
     scaled_jacobian,
+    singular_pose,
     world_inertias,
 )
 from consilience.report.selection import grouped
@@ -54,6 +55,8 @@ class Anatomy:
         Components of the reaction, axes of F, that equilibrium does not determine, by joint.
     features : tuple of str
         Features that an engine must support to represent the mechanism.
+    singular : str
+        Mobility at the pose and nearby, in words, where the pose is singular; empty at a regular pose.
     """
 
     residual: float
@@ -63,6 +66,7 @@ class Anatomy:
     dependent: dict[str, tuple[str, ...]]
     undetermined: dict[str, tuple[str, ...]]
     features: tuple[str, ...]
+    singular: str
 
 
 def anatomy(mechanism: Mechanism, state: State) -> Anatomy:
@@ -81,7 +85,9 @@ def anatomy(mechanism: Mechanism, state: State) -> Anatomy:
     }
     residual = float(np.max(np.abs(constraint_residual(mechanism, state)), initial=0.0))
     rows = {owner: tuple(own) for owner, own in dependent.items()}
-    return Anatomy(residual, width - rank, q, q - rank, rows, undetermined, tuple(mechanism.features))
+    pose = singular_pose(mechanism, state)
+    words = "" if pose is None else str(pose)
+    return Anatomy(residual, width - rank, q, q - rank, rows, undetermined, tuple(mechanism.features), words)
 
 
 def row_names(mechanism: Mechanism) -> Iterator[tuple[str, str]]:
@@ -178,9 +184,11 @@ def freedom_line(freedom: int, rows: int, redundant: int) -> str:
 
 
 def dependency_lines(
-    dependent: Mapping[str, Sequence[str]], undetermined: Mapping[str, Sequence[str]]
+    dependent: Mapping[str, Sequence[str]], undetermined: Mapping[str, Sequence[str]], singular: str
 ) -> Iterator[str]:
-    """State the dependent rows and the undetermined reactions, if there are any."""
+    """State a singular pose, the dependent rows and the undetermined reactions, if there are any."""
+    if singular:
+        yield f"drawn at a singular pose: {singular}; instants there are unresolved"
     if dependent:
         yield f"rows that depend on one another: {listed(dependent, ' ')}"
     if undetermined:

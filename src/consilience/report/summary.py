@@ -100,7 +100,7 @@ def _freedom(mechanism: Mechanism, state: State) -> list[str]:
     return [
         freedom_line(facts.freedom, facts.rows, facts.redundant),
         f"an engine needs: {', '.join(facts.features)}",
-        *dependency_lines(facts.dependent, facts.undetermined),
+        *dependency_lines(facts.dependent, facts.undetermined, facts.singular),
     ]
 
 

@@ -119,6 +119,7 @@ CAUSES: dict[str, str] = {
     "horizon": "The motion is too sensitive: rounding reaches the digits asked before the first sample.",
     "uncertain reference": "The reference is not certain enough to judge.",
     "disputed reference": "A published value contradicts the reference.",
+    "singular pose": "At a singular pose the constraints do not determine the motion.",
     "velocities": "The poses agree and the velocities do not: they mean something else.",
     "no power": "A wrong model would have passed as well.",
     "agreement": "As accurate as asked.",

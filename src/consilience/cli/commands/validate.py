@@ -145,7 +145,7 @@ def health_lines(found: dict[str, Any]) -> Iterator[str]:
     """State assembly, freedom, redundancy, open reactions and provenance, a line each."""
     yield f"assembles: joints satisfied to {found['residual']:.1g}"
     yield freedom_line(found["freedom"], found["rows"], found["redundant"])
-    yield from dependency_lines(found["dependent"], found["undetermined"])
+    yield from dependency_lines(found["dependent"], found["undetermined"], found["singular"])
     yield "needs of an engine: " + ", ".join(found["features"])
     yield from (f"expected: {line}" for line in found["expected_lines"] or ["nothing"])
 

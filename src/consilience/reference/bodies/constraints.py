@@ -84,7 +84,7 @@ def _couplings(model: Model, y: Array, turns: Array, ws: Workspace, first: int) 
 
 
 @inlined
-def _rolling_contact(model: Model, y: Array, A: Array, k: int) -> tuple[float, Vector, Vector]:
+def rolling_contact(model: Model, y: Array, A: Array, k: int) -> tuple[float, Vector, Vector]:
     """Return height, arm and bias acceleration of the contact point of rolling body k, world axes.
 
     With the body's axis a, the plane's normal n, the circle of radius R about a, rounded by r [EXU]:
@@ -113,7 +113,7 @@ def _rollings(model: Model, y: Array, ws: Workspace, first: int) -> int:
     """Write the contact rows, then two slip rows, of all rolling bodies: n and two directions in the plane."""
     count = model.rolling.shape[0]
     for k in range(count):
-        height, s, bias = _rolling_contact(model, y, ws.A, k)
+        height, s, bias = rolling_contact(model, y, ws.A, k)
         for axis in range(3):
             row = first + k if axis == 0 else first + count + 2 * k + axis - 1
             direction = load(model.rolling[k].plane[axis])

@@ -31,6 +31,10 @@ BodyVectors = tuple[Vector, Vector, Vector]
 """Position (m) and velocity (m/s) of a centre of mass, and angular velocity (rad/s), world axes."""
 
 
+FrameMotion = tuple[Vector, tuple[Vector, Vector, Vector], Vector, Vector]
+"""Position (m), axes, velocity (m/s) and angular velocity (rad/s) of frame M relative to frame F, in axes of F."""
+
+
 class JointMotion(NamedTuple):
     """Relative motion of the two frames of a joint, world axes."""
 
@@ -92,6 +96,28 @@ def joint_motion(model: Model, y: Array, A: Array, k: int) -> JointMotion:
     i, j = model.body_i[k], model.body_j[k]
     s_i, s_j = arm(A, i, load(model.arm_i[k])), arm(A, j, load(model.arm_j[k]))
     return motion_between(i, j, s_i, s_j, motion(y, A, i), motion(y, A, j))
+
+
+@inner
+def _frame(axes: Array, A: Array, body: int) -> tuple[Vector, Vector, Vector]:
+    """Return the axes of a frame on a body, in the world."""
+    return arm(A, body, column(axes, 0)), arm(A, body, column(axes, 1)), arm(A, body, column(axes, 2))
+
+
+@inner
+def _components(F: tuple[Vector, Vector, Vector], a: Vector) -> Vector:
+    """Return the components of a world vector in axes of F."""
+    return dot(F[0], a), dot(F[1], a), dot(F[2], a)
+
+
+@inner
+def frame_motion(model: Model, y: Array, A: Array, k: int) -> FrameMotion:
+    """Return position, axes, velocity (seen from F) and angular velocity of M relative to F of joint k, axes of F."""
+    m = joint_motion(model, y, A, k)
+    F, M = _frame(model.axes_i[k], A, m.i), _frame(model.axes_j[k], A, m.j)
+    X = _components(F, M[0]), _components(F, M[1]), _components(F, M[2])
+    p, v = _components(F, m.d), _components(F, sub(m.d_dot, cross(m.w_i, m.d)))
+    return p, X, v, _components(F, sub(m.w_j, m.w_i))
 
 
 @fused

@@ -9,6 +9,7 @@ from __future__ import annotations
 from consilience.reference.kernel.record_type import INT, record_type
 
 LARGEST = record_type(
+    ("first", INT),  # rank at the first state; zero before it
     ("rank", INT),
     ("pivot", float),  # the least pivot of a factorisation with that rank
     ("elimination_pivot", float),  # the same of an elimination

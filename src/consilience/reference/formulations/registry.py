@@ -31,6 +31,8 @@ class FormulationEntry:
         Further arguments of `maker`.
     order : int or None
         Order of an integrator with constant steps; None otherwise.
+    drifts : bool
+        Whether motions drift off the constraints, by design.
     """
 
     title: str
@@ -38,6 +40,7 @@ class FormulationEntry:
     maker: str
     arguments: dict[str, Any] = field(default_factory=dict)
     order: int | None = None
+    drifts: bool = False
 
     @property
     def module(self) -> ModuleType:
@@ -63,8 +66,9 @@ _ORIENTATIONS = {
 _MASSES = {"": "symmetrised", "_plain": "plain"}
 
 
-def _form(name: str, title: str) -> FormulationEntry:
-    return FormulationEntry(title, "C4 (4.55)-(4.97)", "formulations.coordinates.DescriptorForm", {"name": name})
+def _form(name: str, title: str, drifts: bool = False) -> FormulationEntry:
+    maker = "formulations.coordinates.DescriptorForm"
+    return FormulationEntry(title, "C4 (4.55)-(4.97)", maker, {"name": name}, drifts=drifts)
 
 
 FORMULATIONS: dict[str, FormulationEntry] = {
@@ -90,8 +94,10 @@ FORMULATIONS: dict[str, FormulationEntry] = {
         for kind, title in _ORIENTATIONS.items()
         for suffix, mass in _MASSES.items()
     },
-    "descriptor_baumgarte": _form("descriptor_baumgarte", "descriptor form, stabilised by Baumgarte's method"),
-    "descriptor_unprojected": _form("descriptor_unprojected", "descriptor form without stabilisation"),
+    "descriptor_baumgarte": _form(
+        "descriptor_baumgarte", "descriptor form, stabilised by Baumgarte's method", drifts=True
+    ),
+    "descriptor_unprojected": _form("descriptor_unprojected", "descriptor form without stabilisation", drifts=True),
 }
 """Formulations of index 1 and minimal form, for every integrator."""
 
@@ -137,6 +143,11 @@ def entry(name: str) -> FormulationEntry:
         known = ", ".join((*FORMULATIONS, *SYSTEMS))
         raise InvalidInput(f"formulation '{name}'", "there is none of that name", f"Formulations: {known}.")
     return FORMULATIONS[name]
+
+
+def holds_constraints(name: str) -> bool:
+    """Return whether motions in a formulation stay on the constraints, positions and velocities."""
+    return not (SYSTEMS[name] if name in SYSTEMS else entry(name)).drifts
 
 
 def system(name: str) -> Callable[..., TrajectoryAnswer]:

@@ -53,6 +53,7 @@ import numpy as np
 from consilience.mechanism import Array, Mechanism
 from consilience.reference.bodies.arrays import Model, Workspace, all_rows, flatten, workspace
 from consilience.reference.bodies.records import LARGEST
+from consilience.reference.bodies.residual import TURNS
 from consilience.reference.bodies.spanning_tree import TreeModel, flatten_tree
 from consilience.reference.kernel.functions import Functions
 from consilience.reference.kernel.mechanism_record import record_of
@@ -84,6 +85,7 @@ class TreeLinks(NamedTuple):
     position_rows: int  # number of rows that hold positions; velocity rows of rolling and skates follow
     loops: Loops
     com: Array  # (n_b, 3) centres of mass in axes of the bodies, m
+    residuals: int  # size of the array `found` of `bodies.residual`
 
 
 class TreeArrays(NamedTuple):
@@ -199,6 +201,7 @@ def flatten_relative(mechanism: Mechanism) -> tuple[TreeLinks, TreeModel, Model]
         position_rows=all_rows(cut) - 2 * len(cut.rolling) - len(cut.skate),
         loops=find_loop_groups(layout, len(speed_kinds), cut),
         com=np.array([body.com for body in mechanism.bodies]),
+        residuals=TURNS + 2 * len(model.coupling),
     )
     return record_of(links), tree, model
 

@@ -200,6 +200,8 @@ def _select_rows(closure: LoopClosure, spatial: Spatial, planar: Planar, violati
     """
     best = closure.best[0]
     rank, least, smallest = _factorise_all_rows(closure, spatial, planar, 0.0)
+    if best.first == 0:
+        best.first = rank
     if rank > best.rank:
         best.rank, best.pivot = rank, least
     elif rank == best.rank:

@@ -10,8 +10,16 @@ import numpy as np
 from consilience.engine import TrajectoryAnswer
 from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Array, Mechanism, State
-from consilience.reference.bodies.arrays import Model
+from consilience.reference.bodies.arrays import Model, pack
 from consilience.reference.bodies.canonical import canonical_motion
+from consilience.reference.bodies.residual import (
+    CONSISTENT,
+    RATIO,
+    CheckedRows,
+    check_motion,
+    check_solvable,
+    refuse_inconsistent,
+)
 from consilience.reference.integrators.step_control import STATUS, UNSUITABLE
 from consilience.reference.kernel.mechanism_record import record_array
 from consilience.reference.steppers import explicit, gauss, radau13
@@ -33,7 +41,7 @@ from consilience.reference.tree.arrays import (
     with_own_arrays,
 )
 from consilience.reference.tree.planar_detection import planar_system
-from consilience.reference.tree.state import StatePacking, pack_state
+from consilience.reference.tree.state import StatePacking, pack_compared
 from consilience.reference.tree.system import SystemRecord, serve, system_record
 
 _RESOLUTION = 3.0
@@ -68,6 +76,10 @@ class _PreparedMechanism(NamedTuple):
 
     links: TreeLinks
     packing: StatePacking  # a record array
+    model: Model
+    cut: Model  # the mechanism with the rows that the tree does not satisfy
+    residuals: int  # size of the array `found` of `bodies.residual`
+    closing: CheckedRows | None  # of `cut`, a record array; None without rows
     tree_system: TreeSystem  # in its initial state
     tree_alone: bool  # without loops and, in space, without elements
     longest: float  # longest step, s
@@ -106,6 +118,10 @@ def _prepare(mechanism: Mechanism, in_space: bool) -> _PreparedMechanism:
     return _PreparedMechanism(
         links,
         record_array(StatePacking(links, spanning, model)),
+        model,
+        spanning.cut,
+        links.residuals,
+        record_array(CheckedRows(spanning.cut)) if spanning.cut_rows else None,
         arrays,
         tree_alone,
         longest_step(model),
@@ -135,36 +151,44 @@ def simulate_relative(
     Raises
     ------
     InvalidInput
-        The integrator is taylor and the mechanism has no series.
+        The state is not consistent, or the integrator is taylor and the mechanism has no series.
     NumericalFailure
-        With the status of the integrator.
+        With the status of the integrator, or the constraint that is violated.
     """
     prepared = _prepare(mechanism, integrator == "gauss")
     if integrator == "taylor" and "taylor" not in prepared.default_integrators:
         why = "it is for mechanisms that move in parallel planes by gravity alone, without drives, couplings and rods"
         raise InvalidInput("integrator", f"taylor cannot follow {mechanism.name}: {why}", "Use tp86, or leave it out.")
-    z = pack_state(prepared.links, prepared.packing, state)
+    found = np.zeros(prepared.residuals)
+    z = pack_compared(prepared.links, prepared.packing, state, times, found)
+    if found[RATIO] > CONSISTENT:
+        refuse_inconsistent(mechanism, prepared.model, found, times[0])
     request = MotionRequest(z, times, float(tolerance), prepared.longest)
     names = prepared.default_integrators if integrator is None else (integrator,)
     for name in names:
-        status, motion, counters, time = _run(prepared, name, request, name != names[-1])
+        status, motion, counters, time, dependent = _run(prepared, name, request, name != names[-1])
         if status != UNSUITABLE:
             break
+    if dependent:
+        check_solvable(mechanism, prepared.model, times[0], pack(mechanism, state))
+    label = f"reference, relative, {name}, tolerance {tolerance:g}"
     if status:
-        where = f"reference, relative, {name}, tolerance {tolerance:g}, at {time:.6g} s"
-        raise NumericalFailure(f"{where}: {STATUS[status]}")
+        raise NumericalFailure(f"{label}, at {time:.6g} s: {STATUS[status]}")
+    if prepared.closing is not None:
+        check_motion(mechanism, prepared.closing, prepared.cut, times, motion, tolerance, label)
     p, quat, v, w = canonical_motion(prepared.links.com, motion)
     return TrajectoryAnswer(times, p, quat, v, w, counters)
 
 
 def _run(
     prepared: _PreparedMechanism, name: str, request: MotionRequest, stop_if_stiff: bool
-) -> tuple[int, Array, dict[str, int | float], float]:
-    """Integrate; return status, bodies at the samples, counters, and the start of the last step, s."""
+) -> tuple[int, Array, dict[str, int | float], float, bool]:
+    """Integrate; return status, bodies at samples, counters, start of the last step (s), if rows depend on others."""
     working = prepared.working(name)
     motion = np.empty((len(request.times), *working.system.tree.y.shape))
     status = run(working.integration, request, motion, stop_if_stiff)
     if status in (0, UNSUITABLE):  # a failure may leave NaN in the arrays
         prepared.idle[name].append(working)
-    arrays = working.integration.motion.run
-    return status, motion, counts_of(arrays), float(arrays[0].t)
+    closure, arrays = working.system.closure, working.integration.motion.run
+    dependent = closure is not None and closure.best["first"][0] < len(closure.value)
+    return status, motion, counts_of(arrays), float(arrays[0].t), dependent

@@ -12,14 +12,14 @@ import numpy as np
 
 from consilience.mechanism import Array, State
 from consilience.reference.bodies.arrays import Model, P, R, V, W
-from consilience.reference.bodies.joint_rows import joint_motion
-from consilience.reference.bodies.motion import arm, rotations
+from consilience.reference.bodies.joint_rows import frame_motion
+from consilience.reference.bodies.motion import rotations
+from consilience.reference.bodies.residual import compare_rows, set_slowest
 from consilience.reference.bodies.spanning_tree import TreeModel
 from consilience.reference.kernel.compiled import inner, kernel
 from consilience.reference.kernel.mechanism_record import fields_of, record_array
-from consilience.reference.kernel.vectors import Vector, add, column, cross, dot, load, rotate, rotate_back, store, sub
+from consilience.reference.kernel.vectors import add, cross, dot, load, rotate, rotate_back, store
 from consilience.reference.tree.arrays import TreeLinks
-from consilience.reference.tree.inertia import Columns
 from consilience.reference.tree.kinematics import euler_parameters
 
 
@@ -38,9 +38,25 @@ def pack_relative(links: TreeLinks, spanning: TreeModel, model: Model, state: St
 
 def pack_state(links: TreeLinks, packing: StatePacking, state: State) -> Array:
     """Return the state z of a canonical state, with a record of `StatePacking` that serves many states."""
+    return pack_compared(links, packing, state, np.zeros(1), np.zeros(links.residuals))
+
+
+def pack_compared(links: TreeLinks, packing: StatePacking, state: State, times: Array, found: Array) -> Array:
+    """Return the state z of a canonical state, whose residuals are compared with their sizes.
+
+    Parameters
+    ----------
+    links : TreeLinks
+    packing : StatePacking
+    state : State
+    times : ndarray, shape (n_t,), s
+        The first is that of the state.
+    found : ndarray, shape (TURNS + 2 couplings,)
+        Overwritten by the largest residual: see `bodies.residual`.
+    """
     z, y, A = np.zeros(len(links.kind)), np.empty((len(links.com), 13)), np.empty((len(links.com), 3, 3))
     y[:, R], y[:, P], y[:, V], y[:, W] = state.p_WB, state.quat_WB, state.v_WB_W, state.w_WB_W
-    _pack(packing, y, A, z)
+    _pack(packing, y, A, z, times, found)
     return z
 
 
@@ -55,32 +71,17 @@ def _to_centres(com: Array, y: Array, A: Array) -> None:
         store(y[b, 10:13], rotate_back(A[b], w), 1.0)
 
 
-@inner
-def _frame(axes: Array, A: Array, body: int) -> Columns:
-    """Return the axes of a frame on a body, in the world."""
-    return arm(A, body, column(axes, 0)), arm(A, body, column(axes, 1)), arm(A, body, column(axes, 2))
-
-
-@inner
-def _components(F: Columns, a: Vector) -> Vector:
-    """Return the components of a world vector in axes of F."""
-    return dot(F[0], a), dot(F[1], a), dot(F[2], a)
-
-
 @kernel
-def _pack(packing: StatePacking, y: Array, A: Array, z: Array) -> None:
-    """Fill z from y, whose canonical rows become rows of the kernels."""
+def _pack(packing: StatePacking, y: Array, A: Array, z: Array, times: Array, found: Array) -> None:
+    """Fill z from y, whose canonical rows become rows of the kernels, and compare its residuals."""
     by = fields_of(packing)
     links, spanning, model = by.links, by.spanning, by.model
     layout, direction, first_speed = links.layout, links.direction, links.first_speed
     _to_centres(links.com, y, A)
+    set_slowest(model, times, found)
+    compare_rows(model, times[0], 0.0, y, A, found)
     for k in range(layout.shape[0]):
-        n = spanning.joint[k]
-        m = joint_motion(model, y, A, n)
-        F, M = _frame(model.axes_i[n], A, m.i), _frame(model.axes_j[n], A, m.j)
-        X = _components(F, M[0]), _components(F, M[1]), _components(F, M[2])
-        p, v = _components(F, m.d), _components(F, sub(m.d_dot, cross(m.w_i, m.d)))
-        w = _components(F, sub(m.w_j, m.w_i))
+        p, X, v, w = frame_motion(model, y, A, spanning.joint[k])
         at, free, about = layout[k].coordinate, layout[k].free, layout[k].rotations
         for r in range(layout[k].translations):
             axis = direction[free + r, 1]

@@ -1,0 +1,121 @@
+"""Singular poses against counts by hand: change points, dead centres, mechanisms that lock; others are regular."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from consilience import accelerations
+from consilience.case import Case
+from consilience.compare import Verdict
+from consilience.compare.judge import REFERENCE, judge_case
+from consilience.engine import Method, Question, Route, Run, Status, TrajectoryAnswer
+from consilience.errors import CannotAssemble
+from consilience.mechanism import Drive, Initial, first_singular, initial_state, is_singular, linear, singular_pose
+from linkages import FLAT_PARALLELOGRAM, FOLDED_RHOMBUS, four_bar_of, in_other_units, platform, slider_crank, with_crank
+from mechanisms import ELEMENTS, LOOPS, TREES, states_of
+
+HELD_AT_DEAD_CENTRE = slider_crank((0.2, 0.0), 0.7, drives=(Drive("push", "rail", "distance", linear(0.0, 0.7)),))
+"""The slider stands at its end, 0.2 m + 0.5 m: the crank can only tremble."""
+
+SINGULAR = {
+    "folded rhombus": (FOLDED_RHOMBUS, 2, (1, 1)),
+    "change point": (FLAT_PARALLELOGRAM, 2, (1, 1)),
+    "held at its dead centre": (HELD_AT_DEAD_CENTRE, 1, ()),
+    "platform that locks": (platform(0.8), 1, ()),
+}
+
+
+@pytest.mark.parametrize("length", [1.0, 1e-3, 1e3])
+@pytest.mark.parametrize("name", SINGULAR)
+def test_mobility_at_a_singular_pose_and_on_its_branches_is_that_counted_by_hand(name, length):
+    mechanism, freedom, branches = SINGULAR[name]
+    scaled = in_other_units(mechanism, length)
+    found = singular_pose(scaled, initial_state(scaled))
+    assert found is not None
+    assert (found.freedom, found.branches) == (freedom, branches)
+
+
+REGULAR = {
+    **TREES,
+    **LOOPS,
+    **ELEMENTS,
+    "parallelogram": four_bar_of([(0.0, 0.0), (0.1, 0.3), (0.6, 0.3), (0.5, 0.0)]),
+    "platform of parallel bars": platform(0.5),
+    "dead centre, not driven": slider_crank((0.2, 0.0), 0.7),
+}
+
+
+@pytest.mark.parametrize("name", REGULAR)
+def test_regular_poses_are_not_called_singular(name):
+    mechanism = REGULAR[name]
+    assert not any(is_singular(mechanism, state) for state in [initial_state(mechanism), *states_of(mechanism)])
+
+
+def test_assembly_names_the_dead_centre():
+    pushed = Drive("push", "rail", "distance", linear(0.3, 0.6))
+    with pytest.raises(CannotAssemble, match=r"drive 'push'.*singular pose \(a dead centre\)"):
+        initial_state(slider_crank((0.2, 0.0), 0.7, drives=(pushed,)))
+    beside = slider_crank((0.2 * np.cos(0.3), 0.2 * np.sin(0.3)), 0.6873, drives=(pushed,))
+    assert initial_state(beside).p_WB.shape == (3, 3)
+
+
+def test_velocities_name_the_dead_centre_where_no_motion_has_the_held_rate():
+    held = Initial(rates={"rail": {"distance": 0.1}})
+    with pytest.raises(CannotAssemble, match="singular pose"):
+        initial_state(slider_crank((0.2, 0.0), 0.7), held)
+    both = Initial(rates={"rail": {"distance": 0.1}, "ground_crank": {"angle": 0.1}})
+    with pytest.raises(CannotAssemble, match="the held rates contradict the joints"):
+        initial_state(slider_crank((0.1, 0.17), 0.57), both)
+
+
+@pytest.mark.parametrize(
+    ("angles", "first"), [([-0.5, -0.3, -0.1, 0.1, 0.3], 3), ([-0.5, -0.3, -0.1], None), ([0.0, 0.2], 0)]
+)
+def test_a_motion_through_a_change_point_is_known(angles, first):
+    states = [with_crank(FLAT_PARALLELOGRAM, angle) for angle in angles]
+    assert first_singular(FLAT_PARALLELOGRAM, states, np.arange(float(len(angles)))) == first
+
+
+def case_of(mechanism):
+    return Case("c", "c.toml", "a linkage", mechanism, Initial(), 0.4, 0.1, 6, 1, 1)
+
+
+METHOD = Method("m", Route.NATIVE, None)
+
+
+def judged(case, question, truth, answers):
+    runs = [
+        Run("c", engine, question, METHOD, 0, None, Status.ANSWERED, answer)
+        for engine, answer in ((REFERENCE, truth), ("e", answers))
+    ]
+    return next(c for c in judge_case(case, runs) if c.engine == "e")
+
+
+def test_an_instant_at_a_singular_pose_is_unresolved_whatever_is_answered():
+    case = case_of(FOLDED_RHOMBUS)
+    truth = accelerations(case.mechanism, case.states)
+    for factor in (1.0, 1.5):
+        found = judged(case, Question.INSTANT, truth, replace(truth, a_WB_W=factor * truth.a_WB_W))
+        assert (found.verdict, found.rule) == (Verdict.UNRESOLVED, "singular pose")
+        assert "mobility 2 at the pose, 1 on each of two branches" in found.why
+
+
+def test_a_motion_through_a_change_point_is_judged_up_to_it():
+    """Another branch behind the change point is no error; a difference before it is one."""
+    angles = np.array([-0.25, -0.15, -0.05, 0.05, 0.15])
+    states = [with_crank(FLAT_PARALLELOGRAM, angle) for angle in angles]
+    parts = [np.array([getattr(s, name) for s in states]) for name in ("p_WB", "quat_WB", "v_WB_W", "w_WB_W")]
+    truth = TrajectoryAnswer(0.1 * np.arange(5.0), *parts)
+    case = case_of(FLAT_PARALLELOGRAM)
+    behind, before = (np.array(f)[:, None, None] for f in ([0.0, 0.0, 0.0, 0.01, 0.02], [0.0, 0.01, 0.02, 0.01, 0.02]))
+    found = judged(case, Question.TRAJECTORY, truth, replace(truth, p_WB=truth.p_WB + behind))
+    assert (found.verdict, found.horizon) == (Verdict.AGREES, pytest.approx(0.2))
+    assert "a singular pose comes before 0.3 s" in found.why
+    found = judged(case, Question.TRAJECTORY, truth, replace(truth, p_WB=truth.p_WB + before))
+    assert found.verdict is Verdict.MODEL
+    at_once = replace(truth, **{k: getattr(truth, k)[2:] for k in ("time", "p_WB", "quat_WB", "v_WB_W", "w_WB_W")})
+    found = judged(case, Question.TRAJECTORY, at_once, replace(at_once, p_WB=at_once.p_WB + behind[2:]))
+    assert (found.verdict, found.rule) == (Verdict.UNRESOLVED, "singular pose")
