@@ -46,6 +46,9 @@ CONVERGED = 1e-13
 LONGEST_WAY = 2000
 """Largest number of further iterations for poses that are far away: one for each radian or characteristic length."""
 
+_DRAWN = 1e-3
+"""Residual, in rad or characteristic lengths, above which a drawing is another pose, not one with rounded numbers."""
+
 _SCALARS = {"distance": "Z", "x": "X", "y": "Y"}
 
 
@@ -228,6 +231,9 @@ def assemble_positions(
             break
         jacobian = _jacobian(mechanism, state, held, t) * columns / rows[:, None]
         step = np.linalg.lstsq(jacobian, -residual, rcond=RANK_TOLERANCE)[0]
+        left = residual + jacobian @ step
+        if state is guess and largest_residual(left) > _DRAWN:
+            _refuse_dead_centre(mechanism, guess, held, t, left * rows)
         # beyond a radian or so the linear model is meaningless
         step *= min(1.0, 1.0 / max(largest_residual(step), 1e-300))
         trial = move(state, columns * step)
@@ -236,19 +242,27 @@ def assemble_positions(
             break
         state, residual, error = trial, trial_residual, largest_residual(trial_residual)
     if error > CONVERGED * max(1.0, largest_residual(state.p_WB) / characteristic_length(mechanism)):
-        why = f"after {iterations} iterations"
-        remedy = "Draw the mechanism closer to an assembled pose, or hold fewer or other joint coordinates."
-        if is_singular(mechanism, guess, t, lambda at: _jacobian(mechanism, at, held, t)):
-            residual, why = _residual(mechanism, guess, held, t) / rows, "as drawn, at a singular pose (a dead centre)"
-            remedy = "It can leave that pose to either side: draw it off the pose, on the side that you mean."
         worst = int(np.argmax(np.abs(residual)))
         raise CannotAssemble(
             f"mechanism '{mechanism.name}': {row_names(mechanism, held, velocities=False)[worst]}",
-            f"it stays violated by {abs(residual[worst] * rows[worst]):.3g} {why}",
-            remedy,
+            f"it stays violated by {abs(residual[worst] * rows[worst]):.3g} after {iterations} iterations",
+            "Draw the mechanism closer to an assembled pose, or hold fewer or other joint coordinates.",
         )
     refuse_flipped(mechanism, state)
     return state
+
+
+def _refuse_dead_centre(mechanism: Mechanism, guess: State, held: HeldCoordinates, t: float, left: Array) -> None:
+    """Refuse a guess at a singular pose that leaves residuals, in m or rad: rounding would choose the branch."""
+    if is_singular(mechanism, guess, t, lambda at: _jacobian(mechanism, at, held, t)):
+        names = row_names(mechanism, held, velocities=False)
+        chosen = [n for n, name in enumerate(names) if not name.startswith("joint") or "held" in name]
+        worst = max(chosen or range(len(names)), key=lambda n: abs(left[n]))
+        raise CannotAssemble(
+            f"mechanism '{mechanism.name}': {names[worst]}",
+            "it cannot be reached from the pose as drawn, which is singular (a dead centre)",
+            "The mechanism can leave that pose to either side: draw it off the pose, on the side that you mean.",
+        )
 
 
 def largest_residual(values: Array) -> float:
