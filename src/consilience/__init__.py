@@ -105,6 +105,7 @@ def simulate(
     formulation: str | None = None,
     integrator: str | None = None,
     forces: AppliedForces | None = None,
+    assemble: bool = False,
 ) -> Simulation:
     """Integrate the motion of a mechanism by the reference solver.
 
@@ -115,7 +116,7 @@ def simulate(
         Consistent state at the first time; default: that of the case, or the drawing at rest, assembled.
     times : array_like, shape (n_t,), s, optional
         Increasing sample times; default: those of the case.
-    tolerance, integrator, forces
+    tolerance, integrator, forces, assemble
         As in `consilience.reference.simulate`.
     formulation : str, optional
         Default: ``relative``, compiled as a whole; ``descriptor`` where forces are given.
@@ -140,7 +141,7 @@ def simulate(
         raise InvalidInput("times", "they are missing", "Give sample times in s, for example numpy.linspace(0, 2, 41).")
     start = initial_state(mechanism) if state is None else state
     form = formulation or ("relative" if forces is None else "descriptor")
-    answer = integrate(mechanism, start, np.asarray(times, dtype=float), tolerance, form, integrator, forces)
+    answer = integrate(mechanism, start, np.asarray(times, dtype=float), tolerance, form, integrator, forces, assemble)
     return Simulation.of(mechanism, answer)
 
 

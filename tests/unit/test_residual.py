@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from consilience import accelerations, simulate
 from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Drive, Function, Initial, Mechanism, State, initial_state
+from consilience.reference import accelerations, simulate
 from linkages import four_bar_of, in_other_units, platform
 from mechanisms import ELEMENTS, LOOPS, states_of
 

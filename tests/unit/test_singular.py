@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from consilience import accelerations
 from consilience.case import Case
 from consilience.compare import Verdict
 from consilience.compare.judge import REFERENCE, judge_case
 from consilience.engine import Method, Question, Route, Run, Status, TrajectoryAnswer
 from consilience.errors import CannotAssemble
 from consilience.mechanism import Drive, Initial, first_singular, initial_state, is_singular, linear, singular_pose
+from consilience.reference import accelerations
 from linkages import FLAT_PARALLELOGRAM, FOLDED_RHOMBUS, four_bar_of, in_other_units, platform, slider_crank, with_crank
 from mechanisms import ELEMENTS, LOOPS, TREES, states_of
 
