@@ -99,8 +99,9 @@ def first_singular(mechanism: Mechanism, states: Sequence[State], times: Array) 
     times : ndarray, shape (n_t,), s
     """
     found = [_least(mechanism, state, t) for state, t in zip(states, times.tolist(), strict=True)]
-    rank = max((len(singular) for _, singular, _ in found), default=0)
-    before = None
+    rank, before = max((len(singular) for _, singular, _ in found), default=0), None
+    if not rank:
+        return None
     for n, (U, singular, V) in enumerate(found):
         if len(singular) < rank:
             return n

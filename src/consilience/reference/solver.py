@@ -15,6 +15,7 @@ from consilience.mechanism import (
     assemble_positions,
     assemble_velocities,
     body_point,
+    characteristic_length,
     constraint_gamma,
     constraint_jacobian,
     continuous_in_time,
@@ -291,7 +292,9 @@ def _refuse_unsolved(mechanism: Mechanism, state: State, t: float, a: Array, for
     Q, gamma = constraint_jacobian(mechanism, state, t=t), constraint_gamma(mechanism, state, t=t)
     sizes = np.linalg.norm(Q * velocity_sizes(mechanism), axis=1)
     left, terms = np.abs(Q @ a - gamma) / sizes, (np.abs(Q) @ np.abs(a) + np.abs(gamma)) / sizes
-    if np.max(left, initial=0.0) > SOLVABLE * np.max(terms, initial=0.0):
+    fall = float(np.linalg.norm(mechanism.gravity)) / characteristic_length(mechanism)
+    scale = max(fall, float(np.max(np.sum(state.w_WB_W**2, axis=1))), float(np.max(terms, initial=0.0)))
+    if np.max(left, initial=0.0) > SOLVABLE * scale:
         worst = int(np.argmax(left))
         raise NumericalFailure(
             f"reference, {formulation}: the acceleration of {row_names(mechanism, [], velocities=True)[worst]} stays "
