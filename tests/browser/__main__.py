@@ -24,7 +24,18 @@ WINDOWS = (("light", 1280, "light"), ("dark", 1280, "dark"), ("narrow", NARROW, 
 LONG = ("matrix", "filtered")
 """Pages too long for a screenshot of all of it."""
 
-CHECKS = (checks.opens, filters, checks.drill_down, checks.plots, checks.replay, checks.copying, checks.keyboard)
+CHECKS = (
+    checks.opens,
+    checks.first_screen,
+    filters,
+    checks.sorting,
+    checks.turning,
+    checks.drill_down,
+    checks.plots,
+    checks.replay,
+    checks.copying,
+    checks.keyboard,
+)
 
 
 def pages(view):

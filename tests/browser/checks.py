@@ -6,8 +6,11 @@ import statistics
 from opened import until
 
 FIRST_VIEW = 1.5
+FILTERED = 0.1
 LOADS = 5
 SIZE = 10e6
+FURTHER = 4
+"""Number of pages that are turned."""
 
 
 def opens(opened, view, told):
@@ -20,7 +23,14 @@ def opens(opened, view, told):
         seen.append(dict(page.evaluate(paints))["first-contentful-paint"] / 1000)
         ready.append(page.evaluate("performance.getEntriesByType('navigation')[0].domContentLoadedEventEnd") / 1000)
     first, usable = statistics.median(seen), statistics.median(ready)
-    told(f"first view {first:.2f} s, filters ready {usable:.2f} s (medians of {LOADS})")
+    filtered = page.evaluate(
+        """() => { const find = document.getElementById('find'), start = performance.now();
+        find.value = 'pendulum'; find.dispatchEvent(new Event('input', { bubbles: true }));
+        document.body.offsetHeight; return (performance.now() - start) / 1000; }"""
+    )
+    told(f"first view {first:.2f} s, filters ready {usable:.2f} s (medians of {LOADS}), filtered in {filtered:.3f} s")
+    if filtered > FILTERED:
+        yield f"filtered in {filtered:.3f} s"
     if first > FIRST_VIEW:
         yield f"first view after {first:.2f} s"
     if page.locator("table.matrix tbody tr").count() != len(view.cases):
@@ -151,6 +161,67 @@ def copying(opened, view, told):
     told(f"copy buttons of {len(anchors)} pages")
 
 
+def first_screen(opened, view, told):
+    """Before any scrolling: the headline, a row for each engine, what to look at, and the matrix begins."""
+    page = opened.go()
+    page.set_viewport_size({"width": 1280, "height": 800})
+    if page.inner_text(".lead h2") != view.headline:
+        yield "another headline"
+    places = {
+        "engines": ".engines tbody tr:last-child",
+        "look first": ".first li:last-child",
+        "matrix": ".matrix tbody tr",
+    }
+    ends = {name: page.locator(where).first.bounding_box() for name, where in places.items()}
+    below = [name for name, box in ends.items() if box["y"] + box["height"] > 800]
+    yield from (f"{name} is below 800 px" for name in below)
+    told(", ".join(f"{name} at {box['y']:.0f} px" for name, box in ends.items()))
+
+
+def sorting(opened, view, told):
+    """A head sorts by its column, and again the other way round; the header stays in view."""
+    page = opened.go()
+    name = ".matrix thead th:first-child button"
+    for order in (sorted, lambda names: sorted(names, reverse=True)):
+        page.click(name)
+        shown = opened.rows()
+        if [n.lower() for n in shown] != order([n.lower() for n in shown]):
+            yield "cases are not in the order of their names"
+    head = page.locator(".matrix thead th button").nth(1)
+    head.click()
+    cells = "all => all.map(r => Number(r.querySelector('td.cell').dataset.digits))"
+    digits = page.eval_on_selector_all(".matrix tbody tr", cells)
+    if digits != sorted(digits):
+        yield "cases are not in the order of the digits of the first engine"
+    page.evaluate("window.scrollTo(0, document.body.scrollHeight)")
+    if page.locator(".matrix thead th").first.bounding_box()["y"] < 0:
+        yield "the header of the matrix leaves the window"
+    told(f"{len(digits)} rows sorted")
+
+
+def turning(opened, view, told):
+    """A page leads to the previous and next case in the order of the matrix, and back."""
+    opened.go()
+    page = opened.page
+    first, *_, last = [row.case for row in view.rows]
+    if first is last:
+        return
+    engine = view.engine_names[0]
+    cells = [next(c for c in row.case.cells if c.engine == engine).anchor for row in view.rows]
+    for anchors in ([row.case.anchor for row in view.rows], cells):
+        opened.turn(f"#{anchors[0]}")
+        until(page, f"location.hash === {json.dumps(f'#{anchors[0]}')}")
+        if page.locator(".turn [rel=prev]").count():
+            yield "there is a page before the first"
+        for wanted in anchors[1:FURTHER]:
+            page.click(".turn [rel=next]")
+            until(page, f"location.hash === {json.dumps(f'#{wanted}')}")
+        opened.turn(f"#{anchors[-1]}", f"#page h2:has-text({last.name!r})")
+        if page.locator(".turn [rel=next]").count():
+            yield "there is a page behind the last"
+    told(f"{len(view.rows[:FURTHER])} cases and cells in a row")
+
+
 def keyboard(opened, view, told):
     """Arrow keys move in the matrix, Enter opens a cell, Escape returns to the same cell; Tab reaches all filters."""
     page = opened.go()
@@ -170,6 +241,7 @@ def keyboard(opened, view, told):
     if page.evaluate("document.activeElement.hash") != f"#{wanted}":
         yield "Escape does not lead back"
     page = opened.go()
+    page.evaluate("document.querySelector('#filters .all').open = true")
     reached = set()
     for _ in range(120):
         page.keyboard.press("Tab")

@@ -86,6 +86,9 @@ def test_a_refused_question_leaves_the_verdict_of_the_model():
         ("stopped before it answered", FailureClass.STOPPED),
         ("RuntimeError: the step was reduced 20 times", FailureClass.REFUSED),
         ("the answer is a str, not a ModelAnswer", FailureClass.MALFORMED),
+        ("mass has shape (2,), not ()", FailureClass.MALFORMED),
+        ("it answered job 3, not job 4", FailureClass.MALFORMED),
+        ("the method names no substeps and no tolerances: no level to run", FailureClass.OTHER),
     ],
 )
 def test_failures_have_a_class_beside_their_text(reason, expected):

@@ -30,6 +30,9 @@ class FailureClass(StrEnum):
     MALFORMED = "malformed"
     """The answer is of another type, shape or number than asked, or its message cannot be read."""
 
+    OTHER = "other"
+    """There is no answer for another reason."""
+
 
 _CLASSES: tuple[tuple[FailureClass, str], ...] = (
     (FailureClass.TIME, r"no answer within "),
@@ -38,6 +41,11 @@ _CLASSES: tuple[tuple[FailureClass, str], ...] = (
     (FailureClass.STOPPED, r"stopped before it answered"),
     (FailureClass.REFUSED, r"[A-Za-z_][\w.]*: "),
     (FailureClass.NOT_FINITE, r"(.*; )?\w+ has \d+ values that are not finite"),
+    (
+        FailureClass.MALFORMED,
+        r"the answer is an? |\w+ (is no array|holds|has shape) |garbage on the wire|the message cannot",
+    ),
+    (FailureClass.MALFORMED, r"it (answered job|sent more) "),
 )
 """Beginnings of the reasons that `engine.worker` and `engine.questions` write; the first that matches decides."""
 
@@ -47,4 +55,4 @@ _STARTING = "while it started, "
 def failure_class(reason: str) -> FailureClass:
     """Classify the reason of a failed run."""
     text = reason.removeprefix(_STARTING)
-    return next((name for name, begin in _CLASSES if re.match(begin, text)), FailureClass.MALFORMED)
+    return next((name for name, begin in _CLASSES if re.match(begin, text)), FailureClass.OTHER)

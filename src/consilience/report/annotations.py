@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from consilience.compare import Verdict
+from consilience.compare import CODES, Verdict
 from consilience.compare.result import digits_of
 from consilience.engine import Question, Route, Status
 from consilience.engine.failures import failure_class
@@ -51,7 +51,9 @@ def is_own(comparison: Mapping[str, Any]) -> bool:
 
 
 def digits_asked(comparison: dict[str, Any], case: dict[str, Any]) -> float | None:
-    """Return the digits that the bar of the deciding quantity asks for; None where nothing was compared."""
+    """Return the digits that a case asks of a motion, else those of the bar that decides; None without a bar."""
+    if Question(comparison["question"]).over_time:
+        return float(case["digits"])
     bar = deciding(comparison, case).bar
     return None if bar is None else round(digits_of(bar), 2)
 
@@ -77,14 +79,24 @@ def _merit(comparison: Mapping[str, Any]) -> tuple[bool, bool, int, float]:
     return answered, is_own(comparison), -_gravity(comparison), -1.0 if digits is None else digits
 
 
+def counts(comparison: Mapping[str, Any]) -> bool:
+    """Whether an answer with matched settings counts for its cell.
+
+    Of the motions of an engine the best counts, and any other that the exit code counts: an engine with more
+    integrators must not look worse.
+    """
+    still = not Question(comparison["question"]).over_time
+    return still or bool(comparison["best"]) or CODES[Verdict(comparison["verdict"])] != 0
+
+
 def cell_lines(comparisons: Lines) -> Iterator[dict[str, Any]]:
     """Judge each cell from its matched, annotated comparisons.
 
     Yields
     ------
     dict
-        ``verdict``: the worst of all answers, and ``cause``: its cause. ``model``: the worst verdict where nothing is
-        integrated, leaving out refusals. ``motion``: the verdict of the best motion, with its ``digits``,
+        ``verdict``: the worst of the answers that count, and ``cause``: its cause. ``model``: the worst verdict where
+        nothing is integrated, leaving out refusals. ``motion``: the verdict of the best motion, with its ``digits``,
         ``digits_asked``, ``method`` and whether that method is the engine's ``own``. ``findings``: those that show in
         the cell. Absent values are None.
     """
@@ -92,7 +104,7 @@ def cell_lines(comparisons: Lines) -> Iterator[dict[str, Any]]:
         matched = [c for c in found if is_matched(c)]
         if not matched:
             continue
-        decisive = max(matched, key=_gravity)
+        decisive = max(filter(counts, matched), key=_gravity)
         still = [c for c in matched if not Question(c["question"]).over_time]
         motion = next((c for c in matched if c["best"] and Question(c["question"]).over_time), None)
         yield {

@@ -9,9 +9,9 @@ from typing import Any
 
 from consilience.compare import Verdict
 from consilience.compare.rules import RULES
-from consilience.engine import Profile
+from consilience.report.annotations import counts
 from consilience.report.facts import Fact, facts_of, horizon_text, power_facts, softness_facts, would_pass
-from consilience.report.selection import AnswerLines, judged_largest, softness_of
+from consilience.report.selection import AnswerLines, is_matched, judged_largest, softness_of
 from consilience.report.wording import (
     DASH,
     LOOKS,
@@ -97,6 +97,8 @@ class AnswerView:
         Lines of the record that the view is made from.
     matched : bool
         Whether the engine ran with matched settings; else with its own defaults.
+    best, counts : bool
+        Whether the method is the engine's best at the question, and whether the answer counts for its cell.
     rule, condition : str
         The rule that decided, and its condition; empty where bars decided.
     cause : str
@@ -115,6 +117,8 @@ class AnswerView:
     route: str
     route_sentence: str
     matched: bool
+    best: bool
+    counts: bool
     profile: str
     look: Look
     rule: str
@@ -157,12 +161,14 @@ def answer_view(lines: AnswerLines) -> AnswerView:
         method=comparison["method"],
         route=short,
         route_sentence=sentence,
-        matched=comparison["profile"] == Profile.MATCHED,
+        matched=is_matched(comparison),
+        best=bool(comparison["best"]),
+        counts=is_matched(comparison) and counts(comparison),
         profile=PROFILES[comparison["profile"]],
         look=LOOKS[verdict],
         rule=rule,
         condition=CONDITIONS.get(rule, ""),
-        cause=cause_of(rule, verdict),
+        cause=cause_of(comparison["cause"], verdict),
         why=comparison["why"],
         judged=horizon_text(comparison, case),
         digits=digits_text(comparison["digits"]),

@@ -12,7 +12,7 @@ from consilience.engine import Question
 from consilience.report.answers import AnswerView, answer_view
 from consilience.report.record import Record
 from consilience.report.selection import AnswerLines
-from consilience.report.wording import DASH, LOOKS, NOT_ASKED, RANK, YARDSTICK, Look, cell_anchor
+from consilience.report.wording import DASH, LOOKS, NOT_ASKED, YARDSTICK, Look, cell_anchor
 
 
 @dataclass(frozen=True)
@@ -83,6 +83,11 @@ class Cell:
         return [a for a in self.answers if a.matched]
 
     @property
+    def counting(self) -> list[AnswerView]:
+        """Answers that count for the verdict of the cell."""
+        return [a for a in self.answers if a.counts]
+
+    @property
     def defaults(self) -> list[AnswerView]:
         """Answers at the engine's own defaults."""
         return [a for a in self.answers if not a.matched]
@@ -117,7 +122,7 @@ def cell_view(record: Record, case: dict[str, Any], engine: str, reference: dict
         case=name,
         engine=engine,
         command=record.again(case, engine),
-        look=max((a.look for a in matched), key=lambda look: RANK[look.name], default=otherwise),
+        look=max((a.look for a in answers if a.counts), key=lambda look: look.rank, default=otherwise),
         marks=tuple(_marks(record.header["questions"], matched, otherwise)),
         answers=tuple(answers),
         exact=tuple(manifests[0]["exact"]) if manifests else (),
@@ -126,8 +131,8 @@ def cell_view(record: Record, case: dict[str, Any], engine: str, reference: dict
 
 
 def _decisive(answers: Sequence[AnswerView]) -> AnswerView | None:
-    """Return the first matched answer with the worst verdict."""
-    return max((a for a in answers if a.matched), key=lambda a: RANK[a.look.name], default=None)
+    """Return the first answer that counts with the worst verdict."""
+    return max((a for a in answers if a.counts), key=lambda a: a.look.rank, default=None)
 
 
 def _marks(questions: Sequence[str], answers: Sequence[AnswerView], otherwise: Look) -> Iterator[QuestionSummary]:

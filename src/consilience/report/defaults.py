@@ -59,7 +59,7 @@ def defaults_view(cells: Sequence[Cell], quick: bool) -> Defaults:
     return Defaults(tuple(_sentences(rows)), tuple(rows), empty, without)
 
 
-def _own_digits(answer: AnswerView) -> float | None:
+def own_digits(answer: AnswerView) -> float | None:
     """Return the digits at an instant, or at the first level of a motion, which has the engine's own step."""
     comparison = answer.lines.comparison
     if not comparison["levels"]:
@@ -77,7 +77,7 @@ def _row(cell: Cell, answer: AnswerView, n: int) -> DefaultRow:
         answer=answer,
         first=n == 0,
         count=len(cell.defaults),
-        digits=digits_text(_own_digits(answer)),
+        digits=digits_text(own_digits(answer)),
         step=step_text(levels[0]["step"], method) if levels else DASH,
         finest=digits_text(comparison["digits"]) if levels else DASH,
         finest_step=step_text(levels[-1]["step"], method) if levels else DASH,
@@ -91,7 +91,7 @@ def _sentences(rows: Sequence[DefaultRow]) -> Iterator[str]:
         within = sum(row.answer.look is LOOKS[Verdict.AGREES] for row in instants)
         yield f"Answers within the bars at given states: {within} of {len(instants)}."
     if motions:
-        answered = [(digits, row) for row in motions if (digits := _own_digits(row.answer)) is not None]
+        answered = [(digits, row) for row in motions if (digits := own_digits(row.answer)) is not None]
         enough = sum(digits >= row.answer.lines.case["digits"] for digits, row in answered)
         text = f"Motions with the digits asked at the engine's own step: {enough} of {len(motions)}"
         if answered:

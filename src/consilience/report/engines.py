@@ -10,7 +10,7 @@ from consilience.engine import Question
 from consilience.report.cells import Cell
 from consilience.report.facts import Fact
 from consilience.report.findings import KnownFinding, known_findings
-from consilience.report.wording import LOOKS, RANK, Look, anchor, counted
+from consilience.report.wording import LOOKS, Look, anchor, counted
 
 
 @dataclass(frozen=True)
@@ -79,4 +79,4 @@ def _grouped(entries: Iterable[tuple[str, Look | None, Cell]]) -> tuple[Group, .
     for text, look, cell in entries:
         found.setdefault((text, look), {})[cell.anchor] = cell
     groups = [Group(text, look, tuple(cells.values())) for (text, look), cells in found.items()]
-    return tuple(sorted(groups, key=lambda g: (-RANK[g.look.name] if g.look else 0, -len(g.cells))))
+    return tuple(sorted(groups, key=lambda g: (-g.look.rank if g.look else 0, -len(g.cells))))

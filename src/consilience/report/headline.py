@@ -17,6 +17,16 @@ from consilience.report.wording import LOOKS, RANK, Look, cause_of, counted, phr
 TO_LOOK_AT = (Verdict.FAILED, Verdict.MODEL, Verdict.UNRESOLVED)
 """Verdicts of cells that a reader looks at first, the gravest first."""
 
+OTHERS = (
+    Verdict.MODEL,
+    Verdict.FAILED,
+    Verdict.UNRESOLVED,
+    Verdict.DISCRETISATION,
+    Verdict.REGULARISATION,
+    Verdict.UNSUPPORTED,
+)
+"""Verdicts other than agreement, in the order in which they are told."""
+
 Comparisons = Sequence[dict[str, Any]]
 
 
@@ -91,7 +101,7 @@ def _counted(found: Comparisons, noun: str, what: str, verbs: tuple[str, str]) -
     if not found:
         return
     parts = [f"{good} of {counted(able, noun)} {verbs[good != 1]} {what}"] if able else []
-    parts += [f"{count[v]} {phrase(v, count[v])}" for v in LOOKS if count[v] and v is not Verdict.AGREES]
+    parts += [f"{count[v]} {phrase(v, count[v])}" for v in OTHERS if count[v]]
     yield "; ".join(parts)
 
 
@@ -103,6 +113,6 @@ def _cause(comparison: dict[str, Any]) -> CellCause:
         LOOKS[Verdict(c["verdict"])],
         c["question"],
         c["method"],
-        cause_of(c["rule"], c["verdict"]).rstrip("."),
+        cause_of(c["cause"], c["verdict"]).rstrip("."),
         " ".join(c["why"].split()),
     )

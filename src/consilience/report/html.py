@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import gzip
 import json
+import re
 from base64 import b64encode
 from collections.abc import Iterator, Mapping
 from functools import cache
@@ -51,7 +52,14 @@ def shown(value: object) -> object:
 
 def environment() -> Environment:
     """Return the environment of the HTML templates."""
-    return template_environment(autoescape=True, finalize=shown)
+    made = template_environment(autoescape=True, finalize=shown)
+    made.filters["broken"] = broken
+    return made
+
+
+def broken(name: str) -> Markup:
+    """Escape a name that may break behind its underscores and hyphens, and nowhere else."""
+    return Markup("<wbr>").join(re.split(r"(?<=[_-])", visible(name)))
 
 
 @cache

@@ -45,7 +45,7 @@ def matrix(record: Record) -> tuple[list[str], list[tuple[str, list[str]]]]:
 def legend(record: Record) -> list[str]:
     """Explain the symbols that occur in the matrix."""
     occur = {c["verdict"] for c in record.comparisons if is_matched(c)}
-    return [f"{look.symbol} {look.name}: {look.sentence}" for v, look in LOOKS.items() if str(v) in occur]
+    return [f"{look.symbol} {look.verdict}: {look.sentence}" for v, look in LOOKS.items() if str(v) in occur]
 
 
 def _cell(comparisons: list[dict[str, Any]]) -> str:

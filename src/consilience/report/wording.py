@@ -6,9 +6,10 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
-from consilience.compare import Verdict
+from consilience.compare import CODES, Verdict
 from consilience.compare.power import LARGEST
 from consilience.engine import Profile, Route
+from consilience.engine.failures import FailureClass
 from consilience.mechanism.perturbation import AXIS, PLACE
 
 DASH = "\N{EM DASH}"
@@ -21,59 +22,101 @@ class Look:
     Attributes
     ----------
     key : str
-        Class of the style sheet.
+        Key of the verdict in the address of the page.
+    tint : str
+        Colour class of an answer; `model_tint` that of a cell, where few digits are no colour.
     symbol : str
         One character.
     name : str
-        The verdict itself.
+        The verdict in words.
     sentence : str
         Meaning of the verdict, for the legend.
+    verdict : str
+        The verdict itself, as in the record; empty where there is none.
     """
 
     key: str
+    tint: str
     symbol: str
     name: str
     sentence: str
+    verdict: str = ""
+
+    @property
+    def rank(self) -> int:
+        """Rank among the verdicts, the best 0; below all where there is none."""
+        return RANK.get(self.verdict, -1)
+
+    @property
+    def urgency(self) -> tuple[bool, int]:
+        """Rank among what to look at: another model first, since it is what a run is for."""
+        return self.verdict == Verdict.MODEL, self.rank
+
+    @property
+    def wants_look(self) -> bool:
+        """Whether the verdict is among those of an exit code other than 0."""
+        return bool(self.verdict) and CODES[Verdict(self.verdict)] != 0
+
+    @property
+    def model_tint(self) -> str:
+        """Colour class of a cell."""
+        return "same" if self.tint == "short" else self.tint
 
 
-_SYMBOLS_AND_MEANINGS = {
-    Verdict.AGREES: ("\N{CHECK MARK}", "The difference to the reference is within the bar that was asked."),
+_WORDS = {
+    Verdict.AGREES: (
+        "same",
+        "\N{CHECK MARK}",
+        "agrees",
+        "The difference to the reference is within the bar that was asked.",
+    ),
     Verdict.DISCRETISATION: (
+        "short",
         "\N{ALMOST EQUAL TO}",
+        "same model, coarse steps",
         "The steps are too coarse for the digits asked, but smaller ones lead to the reference: no disagreement.",
     ),
     Verdict.REGULARISATION: (
+        "short",
         "\N{PROPORTIONAL TO}",
+        "same model, soft constraints",
         "The engine's constraints are soft, and the difference goes away with that softness: the model is the same.",
     ),
     Verdict.UNSUPPORTED: (
+        "none",
         "\N{EMPTY SET}",
+        "unsupported",
         "The engine cannot represent something in the case, and says what: not a failure, and not counted as one.",
     ),
     Verdict.UNRESOLVED: (
+        "unsure",
         "?",
+        "cannot tell",
         "The runs do not suffice to decide: not asymptotic at these steps, past the horizon, or no sure reference.",
     ),
     Verdict.MODEL: (
+        "differs",
         "\N{NOT EQUAL TO}",
+        "another model",
         "A difference that neither smaller steps nor harder constraints remove: another model, or another reading.",
     ),
     Verdict.FAILED: (
+        "failed",
         "!",
+        "failed",
         "No usable answer: an exception, a crash, a time limit or values that are not finite; the evidence is kept.",
     ),
 }
 
 LOOKS: dict[Verdict, Look] = {
-    verdict: Look(verdict.name.lower(), symbol, verdict, sentence)
-    for verdict, (symbol, sentence) in _SYMBOLS_AND_MEANINGS.items()
+    verdict: Look(verdict.name.lower(), *words, verdict=verdict) for verdict, words in _WORDS.items()
 }
 """Verdicts, best first."""
 
 PHRASES: dict[Verdict, tuple[str, str]] = {
     Verdict.AGREES: ("agree", ""),
-    Verdict.DISCRETISATION: ("differ", "by the step size alone, which smaller steps remove"),
-    Verdict.REGULARISATION: ("differ", "by the softness of the engine's constraints"),
+    Verdict.DISCRETISATION: ("need", "smaller steps, not another model"),
+    Verdict.REGULARISATION: ("have", "soft constraints, not another model"),
     Verdict.UNSUPPORTED: ("hold", "something the engine cannot represent"),
     Verdict.UNRESOLVED: ("are", "unresolved"),
     Verdict.MODEL: ("differ", "in the model"),
@@ -81,7 +124,7 @@ PHRASES: dict[Verdict, tuple[str, str]] = {
 }
 """Words after the number of cells of a verdict: verb in the plural, and the rest."""
 
-_OF_ONE = {"are": "is", "failed": "failed"}
+_OF_ONE = {"are": "is", "have": "has", "failed": "failed"}
 
 
 def phrase(verdict: Verdict, count: int) -> str:
@@ -90,9 +133,9 @@ def phrase(verdict: Verdict, count: int) -> str:
     return f"{_OF_ONE.get(verb, verb + 's') if count == 1 else verb} {rest}".rstrip()
 
 
-NOT_ASKED = Look("empty", DASH, "not asked", "This question was not part of the run.")
+NOT_ASKED = Look("empty", "empty", DASH, "not asked", "This question was not part of the run.")
 YARDSTICK = Look(
-    "empty", DASH, "the reference itself", "What the others are compared with is not compared with itself."
+    "empty", "empty", DASH, "the reference itself", "What the others are compared with is not compared with itself."
 )
 
 RANK = {str(verdict): n for n, verdict in enumerate(LOOKS)}
@@ -150,9 +193,22 @@ CAUSES_BY_VERDICT: dict[str, str] = {
 """Cause of a verdict that no rule decided: answers with bars, and runs without an answer."""
 
 
-def cause_of(rule: str, verdict: str) -> str:
-    """Return the cause of a verdict: by the rule that decided, else by the verdict."""
-    return CAUSES[rule] if rule in CAUSES else CAUSES_BY_VERDICT[verdict]
+FAILURES: dict[str, str] = {
+    FailureClass.NOT_FINITE: "The answer has values that are not finite.",
+    FailureClass.TIME: "No answer within the time limit.",
+    FailureClass.MEMORY: "The engine outgrew the limit of its memory.",
+    FailureClass.CRASH: "The engine's process died.",
+    FailureClass.REFUSED: "The engine raised an exception.",
+    FailureClass.STOPPED: "The run was ended from outside.",
+    FailureClass.MALFORMED: "The answer is not of the form that was asked.",
+    FailureClass.OTHER: "No usable answer.",
+}
+"""Cause of a failure, by its class."""
+
+
+def cause_of(cause: str, verdict: str) -> str:
+    """Return the cause in words: of the rule that decided, of the class of a failure, else of the verdict."""
+    return CAUSES.get(cause) or FAILURES.get(cause) or CAUSES_BY_VERDICT[verdict]
 
 
 def severity(verdict: str, digits: float | None) -> tuple[int, float]:

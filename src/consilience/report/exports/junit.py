@@ -130,7 +130,7 @@ def evidence(cell: QuestionCell) -> str:
         lines += [
             f"{c['method'] or 'no method'}: {c['verdict']}",
             f"  {c['why']}",
-            f"  {cause_of(c['rule'], c['verdict'])}",
+            f"  {cause_of(c['cause'], c['verdict'])}",
         ]
         lines += [
             f"  {q['name']}: difference {difference_text(q['difference'])}, bar {number(q['bar'])}"

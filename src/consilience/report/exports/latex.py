@@ -11,7 +11,7 @@ from consilience.compare import Verdict
 from consilience.engine import Question
 from consilience.report.exports.digest import QuestionCell, cells, engines
 from consilience.report.record import Record
-from consilience.report.wording import LOOKS, digits_text
+from consilience.report.wording import digits_text
 
 SYMBOLS: dict[Verdict, str] = {
     Verdict.AGREES: "",
@@ -72,7 +72,7 @@ def _notes(shown: Sequence[QuestionCell]) -> Iterator[str]:
     occurring = {cell.verdict for cell in shown}
     for verdict, symbol in SYMBOLS.items():
         if symbol and verdict in occurring:
-            yield f"{symbol}~{escaped(LOOKS[verdict].name)}"
+            yield f"{symbol}~{escaped(verdict)}"
 
 
 def _lines(
