@@ -20,6 +20,7 @@ if TYPE_CHECKING:  # the names once more for type checkers, which do not see tho
     from consilience.case import Case as Case
     from consilience.case import Drawing as Drawing
     from consilience.case import case_names as case_names
+    from consilience.case import frame as frame
     from consilience.case import load_case as load_case
     from consilience.case import save_case as save_case
     from consilience.engine import Question as Question
@@ -57,7 +58,7 @@ if TYPE_CHECKING:  # the names once more for type checkers, which do not see tho
     from consilience.suite import run_suite as run_suite
 
 _NAMES = {
-    "case": "Case Drawing case_names load_case save_case",
+    "case": "Case Drawing case_names frame load_case save_case",
     "engine": "Question Route load_engine",
     "errors": "CannotAssemble ConsilienceError InvalidInput",
     "mechanism": "Body Control Coupling Drive Frame Friction Function Initial Joint JointSpring Load Mechanism "

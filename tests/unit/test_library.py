@@ -99,11 +99,11 @@ def test_a_drawn_mechanism_is_the_one_that_its_file_says(tmp_path):
     inertia = R @ np.diag([0.2, 0.3, 0.4]) @ R.T
     inertia = (inertia + inertia.T) / 2.0
     q, p = quaternion_from_rotation(R), np.array([0.1, 0.2, 0.3])
-    poses = ({"at": p, "orientation": R}, {"at": p, "orientation": q}, {"at": cs.Frame(p, R)})
+    poses = (cs.frame(p, R), cs.frame(p, q), cs.Frame(p, R))
     made = []
     for pose in poses:
         draw = cs.Drawing("one", gravity=(1.0, 2.0, 3.0))
-        draw.body("a", mass=2.0, com=(0.1, 0, 0), inertia=inertia, **pose)
+        draw.body("a", mass=2.0, com=(0.1, 0, 0), inertia=inertia, at=pose)
         draw.joint("j", "screw", "ground", "a", at=p, axis=R[:, 1], pitch=0.1)
         draw.add("joint_spring", "s", joint="j", coordinate="angle", stiffness=3.0, damping=0.2, rest=0.1)
         made.append(draw.case(start={"j": 0.3}, rates={"j": -0.2}, duration=1.0, sample=0.1))
@@ -146,7 +146,9 @@ def wrong(change):
         (lambda d: d.body("x", mass=1.0, inertia=[1, 1]), "body 'x': inertia: it has shape"),
         (lambda d: d.body("x", mass=1.0, inertia=np.array([[1, 0.1, 0], [0, 1, 0], [0, 0, 1]])), "not symmetric"),
         (lambda d: d.body("x", cs.ball(1.0), inertia=[1, 1, 1]), "the solid has it"),
-        (lambda d: d.body("x", mass=1.0, inertia=[1, 1, 1], orientation=[1, 0, 0]), "rotation matrix or a quaternion"),
+        (lambda d: d.body("x", mass=1.0, inertia=[1, 1, 1], at=(0, 0)), "frame: p: shape"),
+        (lambda d: d.body("x", mass=1.0, inertia=[1, 1, 1], at=cs.frame((0, 0, 0), [1, 0, 0])), "a quaternion"),
+        (lambda d: d.body("x", mass=1.0, inertia=[1, 1, 1], at=cs.frame((0, 0, 0), [2, 0, 0, 0])), "has norm 2"),
         (lambda d: d.joint("x", "hinge", "upper", "lower", at=(0, 0, 0)), "'hinge' is not a joint kind"),
         (lambda d: d.joint("x", "revolute", "upper", "lower", at=(0, 0, 0)), "joint 'x': axis: the field is missing"),
         (lambda d: d.add("motor", "x", joint="elbow"), "'motor' is no kind of element"),

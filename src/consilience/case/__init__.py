@@ -14,7 +14,7 @@ from consilience.case.equations import later_equations
 from consilience.case.published import ACCELERATIONS, Published, read_motion, read_start, sample_of, scale_of
 
 if TYPE_CHECKING:
-    from consilience.case.drawing import Drawing
+    from consilience.case.drawing import Drawing, frame
     from consilience.case.file.writer import save_case
     from consilience.case.library import case_files, case_names, cases_like, load_case, load_cases, shipped_cases
 
@@ -26,6 +26,7 @@ __all__ = [
     "case_files",
     "case_names",
     "cases_like",
+    "frame",
     "later_equations",
     "load_case",
     "load_cases",
@@ -41,5 +42,5 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module 'consilience.case' has no attribute '{name}'")
-    module = {"Drawing": "drawing", "save_case": "file.writer"}.get(name, "library")
+    module = {"Drawing": "drawing", "frame": "drawing", "save_case": "file.writer"}.get(name, "library")
     return getattr(import_module(f"consilience.case.{module}"), name)

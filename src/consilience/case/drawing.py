@@ -12,8 +12,16 @@ from consilience.case.case import Case
 from consilience.case.file.reader import cases_from_tables
 from consilience.case.file.schema import CaseTable
 from consilience.errors import InvalidInput
-from consilience.mechanism import JOINT_KINDS, Frame, Mechanism, quaternion_from_rotation
+from consilience.mechanism import (
+    JOINT_KINDS,
+    Array,
+    Frame,
+    Mechanism,
+    quaternion_from_rotation,
+    rotation_from_quaternion,
+)
 from consilience.mechanism.solids import Solid
+from consilience.mechanism.spatial import fixed_array
 
 _ELEMENTS = tuple(
     name
@@ -24,6 +32,33 @@ _ELEMENTS = tuple(
 """Kinds of elements of a case file."""
 
 _INERTIA = (("xx", 0, 0), ("yy", 1, 1), ("zz", 2, 2), ("xy", 0, 1), ("xz", 0, 2), ("yz", 1, 2))
+
+
+def frame(p: ArrayLike, orientation: ArrayLike | None = None) -> Frame:
+    """Return a frame of its origin and its axes.
+
+    Parameters
+    ----------
+    p : array_like, shape (3,), m
+    orientation : array_like, shape (3, 3) or (4,), optional
+        Rotation matrix, or unit quaternion, scalar first; default: axes of the world.
+
+    Raises
+    ------
+    InvalidInput
+        The orientation has another shape, or is no rotation.
+    """
+    at = fixed_array(p, (3,), "frame: p")
+    if orientation is None:
+        return Frame(at, np.eye(3))
+    if np.shape(orientation) == (3, 3):
+        return Frame(at, np.asarray(orientation, dtype=float))
+    hint = " Give a rotation matrix or a quaternion."
+    quaternion = fixed_array(orientation, (4,), "frame: orientation", hint)
+    norm = float(np.linalg.norm(quaternion))
+    if abs(norm - 1.0) > 1e-9:
+        raise InvalidInput("frame: orientation", f"the quaternion has norm {norm:.9g}", "Give a unit quaternion.")
+    return Frame(at, rotation_from_quaternion(quaternion / norm))
 
 
 class Drawing:
@@ -62,7 +97,6 @@ class Drawing:
         com: ArrayLike = (0.0, 0.0, 0.0),
         inertia: ArrayLike | None = None,
         at: ArrayLike | Frame = (0.0, 0.0, 0.0),
-        orientation: ArrayLike | None = None,
     ) -> None:
         """Draw a body: a solid with a mass or density, or mass, centre of mass and inertia.
 
@@ -78,10 +112,8 @@ class Drawing:
             About the centre of mass in axes of the body, without a solid: three principal moments, six entries xx, yy,
             zz, xy, xz, yz of the tensor (xy = -sum m x y), or the tensor.
         at : array_like, shape (3,), m, or Frame
-            Origin of the body in the drawing, or its whole pose; default: the origin of the world, so that coordinates
-            of the body are those of the drawing.
-        orientation : array_like
-            Axes of the body in the drawing: rotation matrix, or unit quaternion, scalar first.
+            Origin of the body in the drawing, or its pose (`frame` makes one of a quaternion or a matrix); default: the
+            origin and axes of the world, so that coordinates of the body are those of the drawing.
 
         Raises
         ------
@@ -89,9 +121,7 @@ class Drawing:
             The mass properties are incomplete or given twice. Values are checked when the drawing is read.
         """
         where = f"body '{name}'"
-        if isinstance(at, Frame):
-            orientation = at.R if orientation is None else orientation
-            at = at.p
+        pose = at if isinstance(at, Frame) else frame(at)
         if solid is not None:
             if inertia is not None:
                 raise InvalidInput(f"{where}: inertia", "the solid has it", "Give a solid or an inertia.")
@@ -101,7 +131,7 @@ class Drawing:
             raise InvalidInput(
                 f"{where}: {lacking}", "it is missing", "Give a solid with mass or density, or mass and inertia."
             )
-        table = {"name": name, "mass": mass, "com": _plain(com), "at": _plain(at), **_orientation(orientation, where)}
+        table = {"name": name, "mass": mass, "com": _plain(com), "at": pose.p.tolist(), **_orientation(pose.R)}
         self._add("body", {**table, "inertia": _inertia(inertia, f"{where}: inertia")})
 
     def joint(self, name: str, kind: str, predecessor: str, successor: str, at: ArrayLike, **fields: Any) -> None:
@@ -204,18 +234,9 @@ def _plain_fields(fields: Mapping[str, Any]) -> dict[str, Any]:
     return {name: _plain_fields(v) if isinstance(v, Mapping) else _plain(v) for name, v in fields.items()}
 
 
-def _orientation(given: ArrayLike | None, where: str) -> dict[str, Any]:
-    """Return the field `orientation` of a table, of a rotation matrix or a quaternion."""
-    if given is None:
-        return {}
-    values = np.asarray(given, dtype=float)
-    if values.shape == (3, 3):
-        values = quaternion_from_rotation(Frame(np.zeros(3), values).R)
-    if values.shape != (4,):
-        raise InvalidInput(
-            f"{where}: orientation", f"it has shape {values.shape}", "Give a rotation matrix or a quaternion."
-        )
-    return {"orientation": {"quaternion": values.tolist()}}
+def _orientation(R: Array) -> dict[str, Any]:
+    """Return the field `orientation` of a table; none for the axes of the world."""
+    return {} if np.array_equal(R, np.eye(3)) else {"orientation": {"quaternion": quaternion_from_rotation(R).tolist()}}
 
 
 def _inertia(given: ArrayLike, where: str) -> dict[str, float]:
