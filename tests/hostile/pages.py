@@ -12,14 +12,16 @@ TAGS = {
     *("header", "main", "nav", "section", "article", "details", "summary", "figure", "figcaption", "noscript"),
     *("form", "fieldset", "legend", "label", "input", "button", "output"),
     *("svg", "rect", "line"),
-    *("h1", "h2", "h3", "h4", "p", "strong", "em", "code", "pre", "a", "br", "span", "div"),
+    *("h1", "h2", "h3", "h4", "p", "strong", "em", "code", "pre", "a", "br", "wbr", "span", "div"),
+    *("small", "b", "i", "s", "u", "colgroup", "col"),
     *("table", "caption", "thead", "tbody", "tr", "th", "td", "dl", "dt", "dd", "ul", "li"),
 }
 ATTRIBUTES = {
     *("lang", "charset", "http-equiv", "content", "name", "class", "href", "id", "scope", "rowspan", "title"),
     *("aria-labelledby", "aria-label", "aria-hidden", "aria-current", "role", "tabindex", "type", "hidden", "open"),
     *("for", "value", "placeholder", "autocomplete", "data-copy", "data-figure", "data-question", "data-name"),
-    *("data-tags", "data-engine", "data-case", "data-still"),
+    *("data-tags", "data-engine", "data-case", "data-still", "data-key", "data-keys", "data-value", "data-digits"),
+    *("data-text", "data-blind", "aria-sort", "colspan", "span", "style"),
     *("viewbox", "preserveaspectratio", "x", "y", "x1", "x2", "y1", "y2", "width", "height"),
 }
 SVG_TAGS = {"svg", "title", "rect", "text", "g", "polyline", "circle", "path", "line", "tspan"}
@@ -31,13 +33,14 @@ class Elements(HTMLParser):
     def __init__(self, page):
         super().__init__(convert_charrefs=True)
         self.tags, self.attributes, self.scripts, self.links, self.text = set(), set(), [], [], []
-        self._inside = []
+        self._inside, self.styles = [], []
         self.feed(page)
         self.close()
 
     def handle_starttag(self, tag, attrs):
         self.tags.add(tag)
         self.attributes |= {name for name, _ in attrs}
+        self.styles += [value for name, value in attrs if name == "style"]
         self.links += [value for name, value in attrs if name in ("href", "src", "action", "formaction", "data")]
         self._inside.append(tag)
         if tag == "script":
@@ -72,6 +75,7 @@ def check_html(page, script):
     assert found.tags <= TAGS, found.tags - TAGS
     assert found.attributes <= ATTRIBUTES, found.attributes - ATTRIBUTES
     assert all(link.startswith("#") for link in found.links), found.links
+    assert all(re.fullmatch(r"(width|left):[0-9.]+%", style) for style in found.styles), found.styles
     *packs, own = found.scripts
     assert all(re.fullmatch(r"[A-Za-z0-9+/=]*", pack) for pack in packs)
     assert own.strip() == script.strip()
@@ -80,7 +84,7 @@ def check_html(page, script):
     for text in opened(page).values():
         inner = Elements(text)
         assert inner.tags <= TAGS - {"script"}, inner.tags - TAGS
-        assert inner.attributes <= ATTRIBUTES, inner.attributes - ATTRIBUTES
+        assert inner.attributes <= ATTRIBUTES - {"style"}, inner.attributes - ATTRIBUTES
         assert all(link.startswith("#") for link in inner.links), inner.links
 
 
