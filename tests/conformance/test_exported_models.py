@@ -160,7 +160,7 @@ def test_the_command_writes_the_model_with_its_manifest_and_overwrites_nothing(t
     assert {p.name for p in (tmp_path / "model").iterdir()} == {"run.py", "model.urdf", "manifest.md"}
     assert "run.py" in capsys.readouterr().out
     manifest = (tmp_path / "model" / "manifest.md").read_text()
-    assert "for pinocchio " in manifest
+    assert "for Pinocchio " in manifest
     assert "python run.py" in manifest
     with pytest.raises(InvalidInput, match="something in it"):
         translate("double_pendulum", "pinocchio", tmp_path / "model")

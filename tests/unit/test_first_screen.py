@@ -2,6 +2,7 @@
 
 import re
 
+import numpy as np
 import pytest
 
 from consilience.compare import Verdict
@@ -134,3 +135,34 @@ def test_names_break_at_underscores_and_hyphens_alone_and_stay_text():
     html = render_html(record_of([comparison(name, "alpha", "instant")]))
     head = re.search(r'<th scope="row"><a[^>]*>(.*?)</a>', html).group(1)
     assert head == "long_<wbr>case-<wbr>name &lt;b&gt;"
+
+
+# Machado, Oliveira, Fernandes: A physiologically-based model for simulation of color vision deficiency,
+# IEEE TVCG 15 (2009), severity 1, on linear sRGB
+SEEN = {
+    "all cones": np.eye(3),
+    "protanopia": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
+    "deuteranopia": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]],
+}
+XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
+"""Linear sRGB to CIE XYZ, IEC 61966-2-1."""
+
+
+def lab(colour, seen):
+    """Return CIELAB coordinates of a colour, white point D65."""
+    channels = np.array([int(colour[n : n + 2], 16) / 255 for n in (1, 3, 5)])
+    linear = np.where(channels <= 0.04045, channels / 12.92, ((channels + 0.055) / 1.055) ** 2.4)
+    ratio = XYZ @ np.clip(seen @ linear, 0.0, 1.0) / XYZ.sum(axis=1)
+    f = np.where(ratio > 0.008856, np.cbrt(ratio), 7.787 * ratio + 16 / 116)
+    return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
+
+
+@pytest.mark.parametrize("theme", [0, 1], ids=["light", "dark"])
+@pytest.mark.parametrize("seen", SEEN.values(), ids=SEEN.keys())
+def test_filled_statuses_stay_apart_for_every_eye(seen, theme):
+    style = render_html(record_of([comparison("arm", "alpha", "instant")]))
+    colours = dict(re.findall(r"--([a-z-]+): (#[0-9a-f]{6})", re.findall(r":root \{(.*?)\}", style, re.DOTALL)[theme]))
+    points = [lab(colours[tint], np.array(seen)) for tint in ("same", "unsure", "differs", "failed")]
+    for n, one in enumerate(points):
+        for other in points[:n]:
+            assert np.linalg.norm(one - other) > 25.0
