@@ -202,7 +202,7 @@ def test_motions_lead_to_the_reference_with_the_declared_order(engine, name):
     start, times = states_of(mechanism, 1)[0], np.linspace(0.0, 0.1, 3)
     reference = simulate(mechanism, start, times, 1e-13)
     for method in matched(engine, mechanism, Question.TRAJECTORY):
-        substeps = [s // 2 for s in method.substeps[:2]] if method.order != 4 else method.substeps[:2]
+        substeps = method.substeps[:2]
         errors = [
             distance(engine.trajectory(mechanism, start, times, method, times[1] / n), reference) for n in substeps
         ]

@@ -21,6 +21,7 @@ from consilience.report.markdown import render_markdown
 from consilience.report.record import read_record
 from hostile import campaign as hostile_campaign
 from hostile import properties, wire
+from hostile.extremes import extreme_mutants, swallow_extreme, warm_extreme
 from hostile.mutations import MARK, TEXTS, jsonl_bytes
 from hostile.pages import Elements, check_html, check_markdown, check_terminal, opened
 from hostile.properties import (
@@ -64,6 +65,19 @@ def test_mutated_case_files_are_refused_or_work(tmp_path):
     @given(case_mutants())
     def campaign(raw):
         swallow_case(raw, tmp_path)
+
+    campaign()
+
+
+def test_extreme_mechanisms_are_refused_or_answered(tmp_path):
+    warm()
+    warm_extreme(tmp_path)
+
+    @seed(7)
+    @EVERYDAY
+    @given(extreme_mutants(steps))
+    def campaign(raw):
+        swallow_extreme(raw, tmp_path)
 
     campaign()
 

@@ -15,6 +15,7 @@ from hypothesis import HealthCheck, Phase, Verbosity, given, seed, settings
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from hostile.extremes import extreme_mutants, swallow_extreme, warm_extreme
 from hostile.properties import (
     case_mutants,
     read_seed,
@@ -32,7 +33,7 @@ def main(arguments=None):
     """Run the campaign that the command line asks for; return the exit code, 1 after a finding."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--inputs", type=int, default=50_000)
-    parser.add_argument("--kind", choices=("cases", "reports", "wire"), default="cases")
+    parser.add_argument("--kind", choices=("cases", "extreme", "reports", "wire"), default="cases")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--folder", type=Path, default=None, help="for the inputs; default: a temporary one")
     parser.add_argument("--report", type=Path, default=None, help="folder of the report to mutate; default: a new one")
@@ -42,6 +43,10 @@ def main(arguments=None):
     if asked.kind == "cases":
         strategy, swallow = case_mutants(), swallow_case
         warm()
+    elif asked.kind == "extreme":
+        strategy, swallow = extreme_mutants(steps), swallow_extreme
+        warm()
+        warm_extreme(folder)
     elif asked.kind == "wire":
         strategy, swallow = wire_mutants(steps), swallow_wire
         warm_wire(folder)

@@ -90,14 +90,15 @@ def swallow_case(raw, folder):
         warnings.simplefilter("ignore")  # extreme numbers overflow; only the outcome matters
         try:
             for case in load_file(path)[:1]:
-                _use(QUICK.case(case))
+                examined(QUICK.case(case))
         except ConsilienceError as error:
             check_terminal(str(error))
             return False
     return True
 
 
-def _use(case: Case):
+def examined(case: Case):
+    """Describe a case as the commands do that run no engine."""
     found = examine(case)
     check_terminal(text(found) + describe_case(case))
     json.dumps(found, default=str)
@@ -110,7 +111,7 @@ def warm(report=None, folder=None):
     import_everything()
     if report is None:
         for case in [c for path in case_files() if path.stat().st_size < SMALL for c in load_file(path)[:1]]:
-            _use(case)
+            examined(case)
     else:
         read = read_record(folder)
         html.render_html(read)

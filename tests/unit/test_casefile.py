@@ -197,6 +197,10 @@ INVALID |= {
         f"{kind} without an axis": (_nut(kind, axis=False), ["joint 'thread': axis", "missing", kind])
         for kind in ("point_on_line", "point_in_plane", "parallel_axes")
     },
+    "a table that ends before the trajectory": (
+        _driven_by("table = { x = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6], y = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6] }"),
+        ["drive 'turn': motion", "reaches from 0 to 0.6 s, the trajectory from 0 to", "a longer table"],
+    ),
     "empty function": (
         _driven_by(""),
         ["drive 'turn'.motion", "the function is empty", "polynomial, harmonics, table"],

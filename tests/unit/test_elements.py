@@ -10,7 +10,7 @@ import pytest
 from scipy.linalg import expm
 
 import truth
-from consilience.errors import InvalidInput
+from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import (
     GROUND,
     Body,
@@ -631,3 +631,49 @@ def test_a_coordinate_is_not_coupled_with_itself():
     with pytest.raises(InvalidInput, match="with itself"):
         Coupling("c", "j", "angle", "j", "angle", linear(2.0))
     assert Coupling("c", "j", "angle", "j", "distance", constant(0.0)).joint == "j"
+
+
+# ---------------------------------------------------------------- sizes that vanish
+
+
+def sprung(free_length, actuator=None):
+    """A lumpy body on a skew slide, with a spring from where its end is drawn: length zero at the start."""
+    mechanism = chain("prismatic", seed=61)
+    body = mechanism.bodies[0]
+    end = np.array([0.1, -0.2, 0.3])
+    anchor = body.drawing.p + body.drawing.R @ end
+    spring = Spring("s", GROUND, "b0", anchor, end, 40.0, 0.6, free_length, actuator)
+    return replace(mechanism, springs=(spring,), gravity=np.zeros(3))
+
+
+@pytest.mark.parametrize("formulation", ["descriptor", "null_space", "relative"])
+def test_a_spring_of_free_length_zero_is_regular_where_its_ends_meet(formulation):
+    """Along the slide ``m x'' = -k x - c x'``: x(t) = v exp(-d t) sin(w t) / w, and -c v / m at the start."""
+    mechanism = sprung(0.0)
+    (body,), (joint,) = mechanism.bodies, mechanism.joints
+    start = initial_state(mechanism, Initial(rates={"j0": {"distance": 0.7}}))
+    z = joint.F.R[:, 2]
+    found = accelerations(mechanism, [start], formulation)
+    np.testing.assert_allclose(found.a_WB_W[0, 0], -0.6 * 0.7 / body.mass * z, rtol=0, atol=1e-13)
+    times = np.linspace(0.0, 2.0, 21)
+    motion = simulate(mechanism, start, times, 1e-12, formulation)
+    d = 0.3 / body.mass
+    w = np.sqrt(40.0 / body.mass - d * d)
+    expected = 0.7 * np.exp(-d * times) * np.sin(w * times) / w
+    np.testing.assert_allclose((motion.p_WB[:, 0] - start.p_WB[0]) @ z, expected, rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize(("free_length", "actuator"), [(0.2, None), (0.0, constant(1.0))])
+def test_a_force_without_a_direction_is_named(free_length, actuator):
+    mechanism = sprung(free_length, actuator)
+    start = initial_state(mechanism)
+    with pytest.raises(NumericalFailure, match="spring 's' has no length at the start"):
+        accelerations(mechanism, [start])
+    with pytest.raises(NumericalFailure, match="spring 's' has no length at the start"):
+        simulate(mechanism, start, np.linspace(0.0, 1.0, 3), formulation="relative")
+
+
+def test_friction_too_steep_for_any_step_is_refused():
+    mechanism = replace(chain("prismatic", seed=61), frictions=(Friction("f", "j0", "distance", 0.0, 8.0, 1e-9),))
+    with pytest.raises(InvalidInput, match="friction 'f': speed: 1e-09 is too small"):
+        simulate(mechanism, initial_state(mechanism), np.linspace(0.0, 1.0, 3))

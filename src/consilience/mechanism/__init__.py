@@ -66,6 +66,7 @@ from consilience.mechanism.nearby_states import displaced_states, random_states
 from consilience.mechanism.observables import (
     body_point,
     centres_of_mass,
+    contact_gap,
     determinate_reactions,
     joint_spring_coordinates,
     joint_spring_motion,
@@ -81,7 +82,7 @@ from consilience.mechanism.observables import (
 )
 from consilience.mechanism.parameter_effects import ParameterEffects
 from consilience.mechanism.perturbation import Perturbation, PhysicalParameter, physical_parameters, states_in_motion
-from consilience.mechanism.rates import fastest_rate, turning_rate
+from consilience.mechanism.rates import fastest_rate, frictions_too_steep, turning_rate
 from consilience.mechanism.singular import first_singular, is_singular, move
 from consilience.mechanism.solids import Solid, ball, bar, block
 from consilience.mechanism.spanning_tree import spanning_tree
@@ -165,6 +166,7 @@ __all__ = [
     "constraint_jacobian",
     "constraint_rates",
     "constraint_residual",
+    "contact_gap",
     "continuous_in_time",
     "coordinates",
     "count_turns",
@@ -178,6 +180,7 @@ __all__ = [
     "first_singular",
     "free_directions",
     "friction_law",
+    "frictions_too_steep",
     "full_turns",
     "holonomic_rows",
     "in_units",

@@ -12,7 +12,7 @@ import numpy as np
 
 from consilience.mechanism.applied_forces import applied_wrenches
 from consilience.mechanism.constraints import free_directions
-from consilience.mechanism.elements import Spring
+from consilience.mechanism.elements import Friction, Spring
 from consilience.mechanism.model import Mechanism, State
 from consilience.mechanism.observables import SampledMotion, body_point, mass_matrix
 from consilience.mechanism.singular import move
@@ -25,8 +25,18 @@ DISPLACEMENT = 1e-5
 PUSH = 1e-7
 """The same for velocities: friction is steep within its speed, and forces have no large terms that cancel."""
 
+LEAST_SPEED = 1e-7
+"""Least regularising speed of friction, in rad/s or characteristic lengths per second: below, the digits of a velocity
+within the speed, and of its Jacobian by differences, do not suffice for steps of a useful length."""
+
 CHORDS = 64
 """Chords of an interpolated curve in a sample interval."""
+
+
+def frictions_too_steep(mechanism: Mechanism) -> list[Friction]:
+    """Return the friction elements whose Coulomb part no step of an integrator resolves."""
+    sizes = {"distance": characteristic_length(mechanism)}
+    return [f for f in mechanism.frictions if f.coulomb > 0.0 and f.speed < LEAST_SPEED * sizes.get(f.coordinate, 1.0)]
 
 
 def fastest_rate(mechanism: Mechanism, state: State, t: float = 0.0) -> float:
@@ -66,7 +76,10 @@ def fastest_rate(mechanism: Mechanism, state: State, t: float = 0.0) -> float:
     C = slope([(_pushed(state, PUSH * d), _pushed(state, -PUSH * d)) for d in N.T], PUSH)
     M = N.T @ mass_matrix(mechanism, state) @ N
     zero, one = np.zeros((count, count)), np.eye(count)
-    system = np.block([[zero, one], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
+    try:
+        system = np.block([[zero, one], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
+    except np.linalg.LinAlgError:  # a direction without inertia, to the digits of a float
+        return np.inf
     if not np.all(np.isfinite(system)):
         return np.inf
     return max(spin, float(np.max(np.abs(np.linalg.eigvals(system)))))

@@ -19,6 +19,7 @@ from consilience.mechanism import (
     constraint_gamma,
     constraint_jacobian,
     continuous_in_time,
+    frictions_too_steep,
     kinetic_energy,
     potential_energy,
     require_states,
@@ -26,6 +27,7 @@ from consilience.mechanism import (
     velocity_sizes,
 )
 from consilience.mechanism.elements import NO_LENGTH
+from consilience.mechanism.rates import LEAST_SPEED
 from consilience.reference.bodies.arrays import flatten, pack, workspace
 from consilience.reference.bodies.canonical import canonical_motion, sample_times
 from consilience.reference.bodies.forces import count_turns
@@ -90,6 +92,12 @@ def simulate(
     """
     require_states(mechanism, (state,))
     registry.refuse_contacts(mechanism)
+    for friction in frictions_too_steep(mechanism):
+        raise InvalidInput(
+            f"friction '{friction.name}': speed",
+            f"{friction.speed:g} is too small: a joint that ought to stick creeps, and no step resolves it",
+            f"Give {LEAST_SPEED:g} rad/s or characteristic lengths of the mechanism per second, or more.",
+        )
     if assemble:
         t = float(sample_times(times)[0])
         state = assemble_velocities(mechanism, assemble_positions(mechanism, state, t=t), t=t)
@@ -99,8 +107,8 @@ def simulate(
         raise InvalidInput("tolerance", f"{tolerance} is out of range", "Choose 1e-14 to 1e-3.")
     try:
         return _simulate(mechanism, state, sample_times(times), tolerance, formulation, integrator, forces)
-    except NumericalFailure as error:
-        raise NumericalFailure(f"{error}{_causes(mechanism, state)}") from None
+    except (NumericalFailure, np.linalg.LinAlgError) as error:
+        raise NumericalFailure(f"{_said(error, formulation)}{_causes(mechanism, state)}") from None
 
 
 def _simulate(
@@ -225,6 +233,13 @@ def _compiled(mechanism: Mechanism, state: State, times: Array, tolerance: float
     return TrajectoryAnswer(times, p, quat, v, w, counts_of(scratch.run))
 
 
+def _said(error: Exception, formulation: str) -> str:
+    """Return the text of a failure; of one in a factorisation, what the numbers are that cannot be factorised."""
+    if isinstance(error, NumericalFailure):
+        return str(error)
+    return f"reference, {formulation}: the equations of motion are singular to the digits of a float"
+
+
 def _causes(mechanism: Mechanism, state: State) -> str:
     """Name elements that can make accelerations of a motion from a state not finite."""
     found = []
@@ -262,8 +277,8 @@ def accelerations(
     for state in states:
         try:
             a, alpha = equations.accelerations(state, t)
-        except NumericalFailure as error:
-            raise NumericalFailure(f"{error}{_causes(mechanism, state)}") from None
+        except (NumericalFailure, np.linalg.LinAlgError) as error:
+            raise NumericalFailure(f"{_said(error, formulation)}{_causes(mechanism, state)}") from None
         _refuse_unsolved(mechanism, state, t, np.hstack([a, alpha]).ravel(), formulation)
         linear.append(a)
         angular.append(alpha)

@@ -25,7 +25,9 @@ from consilience.mechanism import (
     centres_of_mass,
     characteristic_length,
     constraint_residual,
+    contact_gap,
     determinate_reactions,
+    frictions_too_steep,
     joint_frames,
     scaled_jacobian,
     singular_pose,
@@ -34,6 +36,9 @@ from consilience.mechanism import (
 from consilience.report.selection import grouped
 
 COMPONENTS = ("force x", "force y", "force z", "torque x", "torque y", "torque z")
+
+TOUCHING = 1e-10
+"""Largest gap of a closed contact, over the characteristic length."""
 
 FAST = 1.0
 """Largest phase of the fastest motion in one sample, rad, that engines with a few steps per sample can follow."""
@@ -210,11 +215,32 @@ def warnings(case: Case) -> list[str]:
     if frequency * case.sample > FAST:
         found.append(
             f"the sample of {case.sample:g} s is long against the fastest motion, {frequency:.3g} rad/s from {why}: "
-            f"engines step a fraction of the sample; choose {FAST / frequency:.1g} s or less"
+            f"engines step a fraction of the sample; choose {_rounded_down(FAST / frequency):g} s or less"
         )
+    found += _edges(case)
     if case.duration * max(frequency, 1e-12) < FAST:
         found.append(f"in {case.duration:g} s the fastest motion, {frequency:.3g} rad/s from {why}, has hardly begun")
     return found
+
+
+def _edges(case: Case) -> Iterator[str]:
+    """Describe contacts that are closed at the start, and friction too steep to integrate."""
+    mechanism = case.mechanism
+    length = characteristic_length(mechanism)
+    for contact in mechanism.contacts:
+        if contact_gap(mechanism, case.initial_state, contact) <= TOUCHING * length:
+            yield (
+                f"contact '{contact.name}' is closed at the start: a contact that lasts is refused at 0 s, and "
+                "contacts closed together take part in one impact, with another result than in turn after any gap"
+            )
+    for friction in frictions_too_steep(mechanism):
+        yield f"friction '{friction.name}': the speed {friction.speed:g} is too small to integrate"
+
+
+def _rounded_down(value: float) -> float:
+    """Return a positive number rounded down to one digit."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(np.floor(value / power * (1.0 + 1e-12)) * power)
 
 
 def _products(inertia: Array) -> Array:
