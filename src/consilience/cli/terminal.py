@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from pydantic_core import to_json
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from consilience.errors import visible
-from consilience.report.columns import columns, wrapped
+from consilience.report.columns import columns, tables_as_columns, wrapped
 
 if TYPE_CHECKING:
     from consilience.report.statement import Statement
@@ -36,9 +36,14 @@ def print_table(heads: Sequence[str], rows: Sequence[Sequence[str]], title: str)
     say(f"{title}\n{columns([visible(head) for head in heads], cells, out.width)}")
 
 
+def print_tables(markdown: str, form: str) -> None:
+    """Print a Markdown text as it is, or as text with its tables in columns."""
+    say(tables_as_columns(markdown, out.width) if form == "text" else markdown)
+
+
 def write_json(data: object) -> None:
-    """Write data to standard output as JSON."""
-    sys.stdout.write(json.dumps(data, indent=2, allow_nan=False, default=str) + "\n")
+    """Write data to standard output as JSON; numbers that are not finite are null."""
+    sys.stdout.write(to_json(data, indent=2, inf_nan_mode="null", fallback=str).decode() + "\n")
 
 
 def state(statement: Statement, form: str) -> None:

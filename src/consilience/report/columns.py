@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import zip_longest
+from itertools import groupby, zip_longest
 from textwrap import wrap
 
 GAP = "  "
@@ -27,6 +27,18 @@ def cut(text: str, width: int) -> str:
     if len(text) <= width:
         return text
     return text[: width - 1].rpartition(" ")[0].rstrip(" ,;:") + "\N{HORIZONTAL ELLIPSIS}"
+
+
+def tables_as_columns(markdown: str, width: int) -> str:
+    """Write the tables of a Markdown text for a terminal, and leave its other lines."""
+    parts = []
+    for is_table, lines in groupby(markdown.splitlines(), key=lambda line: line.startswith("|")):
+        if is_table:
+            heads, _, *rows = ([cell.strip() for cell in line.strip("| ").split("|")] for line in lines)
+            parts.append(columns(heads, rows, width) if rows else "")
+        else:
+            parts += lines
+    return "\n".join(parts)
 
 
 def columns(heads: Sequence[str], rows: Sequence[Sequence[str]], width: int) -> str:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+
 import typer
 
-from consilience.cli.options import CaseNames, EngineNames, TablesFile, chosen_cases, chosen_engines
+from consilience.cli.options import CaseNames, EngineNames, Form, OutputFormat, TablesFile, chosen_cases, chosen_engines
 
 
-def coverage(cases: CaseNames = None, engine: EngineNames = None, output: TablesFile = None) -> None:
+def coverage(
+    cases: CaseNames = None, engine: EngineNames = None, output: TablesFile = None, form: Form = OutputFormat.TEXT
+) -> None:
     """Check that the uncertainty bands of all motions hold, against far finer runs of the same engines."""
     from consilience.audit import coverage as campaign
-    from consilience.cli.terminal import err, say
+    from consilience.cli.terminal import err, print_tables, write_json
 
     chosen, found = chosen_cases(cases), []
     for name in chosen_engines(engine):
@@ -20,5 +24,8 @@ def coverage(cases: CaseNames = None, engine: EngineNames = None, output: Tables
     text = campaign.table(found)
     if output is not None:
         output.write_text(text, encoding="utf-8")
-    say(text)
+    if form is OutputFormat.JSON:
+        write_json([asdict(one) | {"covered": getattr(one, "covered", None)} for one in found])
+    else:
+        print_tables(text, form)
     raise typer.Exit(campaign.exit_code(found))

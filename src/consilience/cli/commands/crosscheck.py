@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from consilience.cli.options import CORES, Jobs, TablesFile
+from consilience.cli.options import CORES, Form, Jobs, OutputFormat, TablesFile
 
 
 def crosscheck(
@@ -15,10 +15,12 @@ def crosscheck(
     seed: Annotated[int, typer.Option(help="Seed of the first mechanism; the others follow.")] = 1,
     jobs: Jobs = CORES,
     output: TablesFile = None,
+    form: Form = OutputFormat.TEXT,
 ) -> None:
     """Compare all formulations of the reference with one another on random mechanisms."""
     from consilience.audit.formulations.compare import agrees, campaign
     from consilience.audit.formulations.tables import report, summary
+    from consilience.cli.terminal import print_tables, write_json
 
     found = []
     for examination in campaign(range(seed, seed + mechanisms), states, jobs=jobs):
@@ -27,5 +29,8 @@ def crosscheck(
     typer.echo(err=True)
     if output is not None:
         output.write_text(report(found), encoding="utf-8")
-    typer.echo(summary(found) if output is not None else report(found))
+    if form is OutputFormat.JSON:
+        write_json(found)
+    else:
+        print_tables(summary(found) if output is not None else report(found), form)
     raise typer.Exit(0 if agrees(found) else 1)

@@ -11,10 +11,12 @@ from typing import Annotated
 
 import typer
 
-from consilience.cli.options import require_ending, writing
+from consilience.cli.options import Form, OutputFormat, require_ending, writing
+from consilience.cli.terminal import state
 from consilience.errors import InvalidInput
 from consilience.report.exports.plot import UNDATED, plotted
 from consilience.report.record import read_record, write_atomically
+from consilience.report.statement import Statement
 
 
 class ExportFormat(StrEnum):
@@ -43,7 +45,10 @@ MODULES = {ExportFormat.CSV: "spreadsheet", ExportFormat.JSON: "document"}
 
 def export(
     run: Annotated[Path | None, typer.Argument(metavar="RUN", help="Folder that `consilience run` wrote.")] = None,
-    form: Annotated[ExportFormat | None, typer.Option("-f", "--format", help="What to write.")] = None,
+    form: Annotated[
+        ExportFormat | None,
+        typer.Option("-f", "--format", metavar="FORMAT", help=f"What to write: {', '.join(ExportFormat)}."),
+    ] = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="FILE", help="File; default: standard output.")
     ] = None,
@@ -78,6 +83,7 @@ def plot(
         Path | None,
         typer.Option("-o", "--output", metavar="FILE", help="File: .svg, .pdf or .png; default: CASE-WHAT.svg."),
     ] = None,
+    form: Form = OutputFormat.TEXT,
 ) -> None:
     """Plot the motion of a case on every engine, fit for a paper."""
     target = output or Path(f"{case}-{what}.svg")
@@ -85,4 +91,4 @@ def plot(
     picture = plotted(read_record(run), case, what, target.suffix[1:])
     with writing(target):
         target.write_bytes(picture)
-    typer.echo(f"plot: {target}")
+    state(Statement([f"plot: {target}"], [], {"file": str(target)}), form)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.markup import escape
@@ -12,8 +12,17 @@ from consilience.audit.fuzz.campaign import EnginePanel, run_campaign, run_on_cl
 from consilience.audit.fuzz.findings import shrink_disagreements
 from consilience.audit.fuzz.shrink import require_hypothesis
 from consilience.audit.fuzz.summary import COUNTS, digits_cell, markdown, outcome
-from consilience.cli.options import EngineNames, MessageLimit, Verbose, chosen_engines, connect_cluster, require_folder
-from consilience.cli.terminal import log_to_stderr, print_missing, print_table, progress_bar, say
+from consilience.cli.options import (
+    EngineNames,
+    Form,
+    MessageLimit,
+    OutputFormat,
+    Verbose,
+    chosen_engines,
+    connect_cluster,
+    require_folder,
+)
+from consilience.cli.terminal import log_to_stderr, print_missing, print_table, progress_bar, say, write_json
 from consilience.compare import write_campaign
 
 
@@ -28,6 +37,7 @@ def fuzz(
         str | None, typer.Option(metavar="ADDRESS", help="Draw, ask and judge on the Dask cluster of this scheduler.")
     ] = None,
     verbose: Verbose = False,
+    form: Form = OutputFormat.TEXT,
 ) -> None:
     """Ask all engines about random mechanisms; shrink what shows a disagreement, and keep it as a case file."""
     engines, seeds = chosen_engines(engine), range(seed, seed + mechanisms)
@@ -49,14 +59,23 @@ def fuzz(
             )
     data = outcome(campaign, found)
     write_campaign(output, "fuzz", data, markdown(data))
+    if form is OutputFormat.JSON:
+        write_json(data)
+    elif form is OutputFormat.MARKDOWN:
+        say(markdown(data))
+    else:
+        _print(data, [(output / one.file, one) for one in found])
+        say(f"outcome: {output / 'fuzz.md'}")
+    raise typer.Exit(data["exit_code"])
+
+
+def _print(data: dict[str, Any], found: list[tuple[Path, Any]]) -> None:
     rows = [
         (name, *(str(e[key]) for key in COUNTS), digits_cell(e["worst_digits"]), digits_cell(e["median_digits"]))
         for name, e in data["engines"].items()
     ]
     title = f"{len(data['seeds'])} mechanisms, {data['time']['per_minute']:.0f} a minute"
     print_table(("engine", *COUNTS, "worst digits", "median"), rows, title)
-    for one in found:
-        say(f"{output / one.file}: {one.bodies} bodies: {one.shown.why}")
+    for path, one in found:
+        say(f"{path}: {one.bodies} bodies: {one.shown.why}")
     print_missing(data["missing"])
-    say(f"outcome: {output / 'fuzz.md'}")
-    raise typer.Exit(data["exit_code"])

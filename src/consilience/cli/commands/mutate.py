@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from consilience.cli.options import CORES, chosen_cases, chosen_engines, require_folder
+from consilience.cli.options import CORES, Form, OutputFormat, chosen_cases, chosen_engines, require_folder
+
+if TYPE_CHECKING:
+    from consilience.audit.mutate.campaign import MutationCampaign
 
 
 def mutate(
@@ -29,16 +32,17 @@ def mutate(
     ] = None,
     jobs: Annotated[int, typer.Option("-j", "--jobs", min=1, help="Worker processes.")] = CORES,
     limit: Annotated[float, typer.Option(min=1.0, help="Time limit of one mutant at one magnitude in s.")] = 300.0,
+    form: Form = OutputFormat.TEXT,
 ) -> None:
     """Plant known errors in the adapters, one at a time, and report which the harness catches."""
     from consilience.audit.mutate import plan, report, summary
     from consilience.audit.mutate.campaign import run_campaign
     from consilience.audit.mutate.synthetic import NAME
-    from consilience.cli.terminal import print_table, progress_bar, say
+    from consilience.cli.terminal import progress_bar, say, write_json
 
     require_folder(output, "report")
     if power:
-        _stated_power(power, engine, limit, output)
+        _stated_power(power, engine, limit, output, form)
     chosen, hosts = plan.mutants_named(mutants or []), plan.hosts_named(engine or [])
     tasks, alarms = plan.short(chosen, hosts) if short else plan.full(chosen, hosts, mechanisms, correct)
     with progress_bar() as bar:
@@ -48,6 +52,20 @@ def mutate(
             tasks, adapters, alarms, jobs, limit, lambda found: bar.update(task, completed=len(found.outcomes))
         )
     report.write_report(campaign, output)
+    if form is OutputFormat.JSON:
+        write_json(report.as_json(campaign))
+    elif form is OutputFormat.MARKDOWN:
+        say(report.markdown(campaign))
+    else:
+        _print(campaign, output)
+    raise typer.Exit(summary.exit_code(campaign))
+
+
+def _print(campaign: MutationCampaign, output: Path) -> None:
+    """Print what is caught, then each mutant that is missed and each false alarm."""
+    from consilience.audit.mutate import report, summary
+    from consilience.cli.terminal import print_table, say
+
     heads = ("trap", "", "mutants caught", "smallest magnitude caught")
     print_table(heads, report.short_table(campaign), "detection power")
     say(summary.verdict_of(campaign))
@@ -57,13 +75,14 @@ def mutate(
     for alarm in campaign.alarms:
         say(f"false alarm: {alarm.host}, {alarm.subject}, {alarm.question}, {alarm.method}: {alarm.why}")
     say(f"report: {output / 'detection.md'}")
-    raise typer.Exit(summary.exit_code(campaign))
 
 
-def _stated_power(names: list[str], engine: list[str] | None, limit: float, output: Path) -> NoReturn:
+def _stated_power(
+    names: list[str], engine: list[str] | None, limit: float, output: Path, form: OutputFormat
+) -> NoReturn:
     """Check the stated power of all cells of the cases by planted errors; ends the command."""
     from consilience.audit.mutate import stated_power
-    from consilience.cli.terminal import err, say
+    from consilience.cli.terminal import err, print_tables, write_json
 
     cases, found = chosen_cases(names), []
     for name in chosen_engines(engine):
@@ -75,5 +94,8 @@ def _stated_power(names: list[str], engine: list[str] | None, limit: float, outp
     text = stated_power.table(found)
     output.mkdir(parents=True, exist_ok=True)
     (output / "power.md").write_text(text, encoding="utf-8")
-    say(text)
+    if form is OutputFormat.JSON:
+        write_json(found)
+    else:
+        print_tables(text, form)
     raise typer.Exit(stated_power.exit_code(found))

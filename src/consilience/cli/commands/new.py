@@ -12,9 +12,10 @@ import typer
 from consilience.case import case_files, load_cases
 from consilience.case.families import family_table, is_family
 from consilience.case.file.writer import table_text
-from consilience.cli.options import require_ending, write_new_case
-from consilience.cli.terminal import say
+from consilience.cli.options import Form, OutputFormat, require_ending, write_new_case
+from consilience.cli.terminal import state
 from consilience.errors import InvalidInput
+from consilience.report.statement import Statement
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
 
@@ -67,7 +68,9 @@ def new(
         typer.Option("--from", metavar="CASE", help="Shipped case, case file, or family such as windows:count=3."),
     ] = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="File; default: NAME.toml.")] = None,
+    form: Form = OutputFormat.TEXT,
 ) -> None:
     """Write a commented case file to start from; never overwrites."""
     path = write_new(name, source, output)
-    say(f"{path}: edit it, then `consilience validate {path}` and `consilience run {path}`")
+    sentence = f"{path}: edit it, then `consilience validate {path}` and `consilience run {path}`"
+    state(Statement([sentence], [], {"file": str(path)}), form)

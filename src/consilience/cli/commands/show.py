@@ -9,8 +9,9 @@ from typing import Annotated, Any
 import typer
 
 from consilience.case import load_cases
-from consilience.cli.options import AnyCaseName, ReportFolder, require_ending, writing
-from consilience.cli.terminal import say
+from consilience.cli.commands.validate import examine
+from consilience.cli.options import AnyCaseName, Form, OutputFormat, ReportFolder, require_ending, writing
+from consilience.cli.terminal import err, say, state, write_json
 from consilience.compare.judge import REFERENCE
 from consilience.errors import InvalidInput, nearest
 from consilience.report.html import render_replay
@@ -19,6 +20,7 @@ from consilience.report.picture import as_png, picture
 from consilience.report.record import read_record
 from consilience.report.replay import motion_alone
 from consilience.report.replayschema import read_replay
+from consilience.report.statement import Statement
 from consilience.report.summary import describe_case
 from consilience.report.wording import anchor
 from consilience.suite import simulate_case
@@ -39,6 +41,7 @@ def show(
         Path | None,
         typer.Option("-o", "--output", metavar="FILE.html", help="Page of --view; default: CASE.html here."),
     ] = None,
+    form: Form = OutputFormat.TEXT,
 ) -> None:
     """Show a case: source, drawing, bodies, joints, freedom, initial state, expected values."""
     cases = load_cases(case)
@@ -56,9 +59,14 @@ def show(
         target = output or Path(f"{first.name}.html")
         answer, how = simulate_case(first, REFERENCE, LIMIT)
         _write(target, render_replay(first.name, first.title, motion_alone(first, answer, how)).encode())
-        _open(target)
+        address, opened = _open(target)
+        err.print(f"{'opened' if opened else 'open'}: {address}", soft_wrap=True, highlight=False, markup=False)
+    if form is OutputFormat.JSON:
+        write_json({"cases": [examine(chosen) for chosen in cases], "picture": drawn})
+        return
     for chosen in cases:
-        say(describe_case(chosen))
+        text = describe_case(chosen)
+        say(f"```text\n{text}```\n" if form is OutputFormat.MARKDOWN else text)
     if drawn is not None:
         say(f"picture: {drawn}")
 
@@ -66,6 +74,7 @@ def show(
 def play(
     run: ReportFolder,
     case: Annotated[str | None, typer.Argument(help="Case of the report; default: where engines differ most.")] = None,
+    form: Form = OutputFormat.TEXT,
 ) -> None:
     """Open the mechanism in motion of a report: engines as ghosts over the reference."""
     record, replays = read_record(run), read_replay(run)
@@ -78,8 +87,10 @@ def play(
     page = run / "report.html"
     if not page.is_file():
         write_pages(run)
-    say(f"{chosen}: {len(record.header['engines'])} engines")
-    _open(page, anchor("case", chosen))
+    address, opened = _open(page, anchor("case", chosen))
+    engines = list(record.header["engines"])
+    sentences = [f"{chosen}: {len(engines)} engines", f"{'opened' if opened else 'open'}: {address}"]
+    state(Statement(sentences, [], {"case": chosen, "engines": engines, "page": address}), form)
 
 
 def _largest_difference(motion: dict[str, Any]) -> float:
@@ -92,8 +103,7 @@ def _write(path: Path, content: bytes) -> None:
         path.write_bytes(content)
 
 
-def _open(path: Path, place: str = "") -> None:
-    """Open a page in the browser, and print the address of the page, since there may be no browser."""
+def _open(path: Path, place: str = "") -> tuple[str, bool]:
+    """Open a page in the browser; return its address, and whether there is a browser."""
     address = path.resolve().as_uri() + (f"#{place}" if place else "")
-    opened = webbrowser.open(address)
-    say(f"{'opened' if opened else 'open'}: {address}")
+    return address, webbrowser.open(address)

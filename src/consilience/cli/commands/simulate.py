@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from consilience.cli.options import CaseName, EngineName, JobLimit, chosen_engines
+from consilience.cli.options import CaseName, EngineName, Form, JobLimit, OutputFormat, chosen_engines
 
 
 @contextmanager
@@ -35,10 +35,12 @@ def simulate(
     duration: Annotated[float | None, typer.Option(help="s; default: the case's.")] = None,
     sample: Annotated[float | None, typer.Option(help="s; default: the case's.")] = None,
     limit: JobLimit = 600.0,
+    form: Form = OutputFormat.TEXT,
 ) -> None:
     """Simulate one case on one engine, by its first method at its finest level, and write the observables."""
     from consilience.case import load_case
-    from consilience.cli.terminal import out
+    from consilience.cli.terminal import state
+    from consilience.report.statement import Statement
     from consilience.report.trajectory_files import check_target, export_trajectory
     from consilience.suite import simulate_case
 
@@ -50,4 +52,5 @@ def simulate(
         answer, how = simulate_case(chosen, name, limit)
     output = output or Path(f"{chosen.name}.json")
     export_trajectory(chosen.mechanism, answer, output)
-    out.print(f"{chosen.name} on {name} ({how}): {len(answer.time)} samples in {output}", soft_wrap=True)
+    data = {"case": chosen.name, "engine": name, "how": how, "samples": len(answer.time), "file": str(output)}
+    state(Statement([f"{chosen.name} on {name} ({how}): {len(answer.time)} samples in {output}"], [], data), form)
