@@ -16,7 +16,10 @@ import psutil
 import pytest
 
 from consilience.case import case_names
+from consilience.cli.main import LAZY_COMMANDS, command_of
+from consilience.compare import markdown_table
 from consilience.errors import InvalidInput
+from consilience.report.columns import tables_as_columns
 
 GOOD = """
 title = "Pendulum"
@@ -195,6 +198,17 @@ def test_list_gives_each_case_one_line_of_80_columns_and_takes_words_and_tags(tm
     tour = json.loads(consilience("list", "--tag", "tour", "-f", "json", cwd=tmp_path).stdout)
     assert all("tour" in case["tags"] for case in tour["cases"])
     assert "engines" not in tour
+
+
+def test_every_command_but_one_that_prints_json_anyway_has_a_format():
+    options = {name: [o for p in command_of(name).params for o in p.opts] for name in LAZY_COMMANDS}
+    assert {name for name, own in options.items() if "--format" not in own} == {"schema"}
+
+
+def test_tables_of_markdown_are_columns_in_a_terminal():
+    markdown = "\n".join(["before", *markdown_table(("case", "off"), [("four_bar", "1e-13")]), "after"])
+    lines = [line.split() for line in tables_as_columns(markdown, 80).splitlines()]
+    assert lines == [["before"], ["case", "off"], ["─" * 8, "─" * 5], ["four_bar", "1e-13"], ["after"]]
 
 
 def test_the_version_is_that_of_the_package(tmp_path):

@@ -11,6 +11,7 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
     ),
     "list": (
         ("consilience list", "cases, families and engines"),
+        ("consilience list spring --tag lumpy", "cases with a word and a tag"),
         ("consilience list -f json", "the same for a script"),
     ),
     "doctor": (("consilience doctor", "this machine and all engines"), ("consilience doctor -e ENGINE", "one of them")),
@@ -30,7 +31,7 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
     "schema": (("consilience schema case", "JSON Schema of a case file, for an editor"),),
     "show": (
         ("consilience show four_bar", "freedom, dependent rows, open reactions, sources"),
-        ("consilience show four_bar --picture four_bar.svg", "and a drawing"),
+        ("consilience show four_bar --picture four_bar.png", "and a drawing, as .svg or .png"),
         ("consilience show four_bar --view", "and the mechanism in motion, in the browser"),
     ),
     "play": (("consilience play report", "the mechanisms of a report in motion, engines as ghosts"),),
