@@ -136,7 +136,12 @@ SPOILT = {
     "syntax": ("mass = 2.0", "mass = ", ("pendulum.toml", "TOML")),
     "inertia": ("xx = 0.11", "xx = 9.0", ("pendulum.toml", "bob", "inertia", "triangle")),
     "body": ('successor = "bob"', 'successor = "bib"', ("pendulum.toml", "pin", "bib")),
-    "held": ("angle = 0.5", "distance = 0.5", ("pin", "distance", "angle")),
+    "held": ("angle = 0.5", "distance = 0.5", ("pendulum.toml:23: initial.joints.pin.distance", "It has: angle")),
+    "held joint": (
+        "[initial.joints.pin]",
+        "[initial.rates.pn]",
+        ("pendulum.toml:22: initial.rates.pn", "no joint 'pn'"),
+    ),
 }
 
 

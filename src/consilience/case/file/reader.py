@@ -33,6 +33,7 @@ from consilience.case.published import ACCELERATIONS, OF_A_JOINT, REACTIONS, Pub
 from consilience.errors import InvalidInput
 from consilience.mechanism import (
     GROUND,
+    JOINT_KINDS,
     Array,
     Body,
     Frame,
@@ -268,6 +269,18 @@ def _held(table: HeldTable, where: str, rates: bool) -> dict[str, Any]:
     return held
 
 
+def _check_held(mechanism: Mechanism, joint: str, coordinates: Mapping[str, Any], where: str) -> None:
+    """Refuse a joint that the mechanism has not, and a coordinate that the joint has not."""
+    if joint not in mechanism.joint_index:
+        known = ", ".join(mechanism.joint_index)
+        raise InvalidInput(where, f"there is no joint '{joint}'", f"Joints are: {known}.")
+    kind = mechanism.joints[mechanism.joint_index[joint]].kind
+    known = ", ".join(JOINT_KINDS[kind].coordinates) or "none"
+    for name in coordinates:
+        if name not in JOINT_KINDS[kind].coordinates:
+            raise InvalidInput(f"{where}.{name}", f"a {kind} joint has no '{name}'", f"It has: {known}.")
+
+
 def _guess(mechanism: Mechanism, name: str, guess: BodyGuess) -> tuple[str, Frame]:
     """Name and pose of a body before assembly; any pose for an unknown body, which assembly refuses."""
     if name not in mechanism.body_index or name == GROUND:
@@ -280,7 +293,10 @@ def _guess(mechanism: Mechanism, name: str, guess: BodyGuess) -> tuple[str, Fram
 def _initial(mechanism: Mechanism, table: InitialTable, problems: list[InvalidInput]) -> Initial:
     def held(tables: Mapping[str, HeldTable], field: str) -> dict[str, dict[str, Any]]:
         def one(entry: tuple[str, HeldTable]) -> tuple[str, dict[str, Any]]:
-            return entry[0], _held(entry[1], f"initial.{field}.{entry[0]}", field == "rates")
+            name, where = entry[0], f"initial.{field}.{entry[0]}"
+            coordinates = _held(entry[1], where, field == "rates")
+            _check_held(mechanism, name, coordinates, where)
+            return name, coordinates
 
         return dict(gathered(one, tables.items(), problems))
 
