@@ -50,7 +50,7 @@ bench *arguments:
 campaign:
     {{ bin }}/consilience mutate -o build/mutate
     {{ bin }}/consilience fuzz -n 500 -o build/fuzz
-    for kind in cases reports wire; do {{ bin }}/python tests/hostile/campaign.py --kind $kind --inputs 50000; done
+    for kind in cases extreme reports wire; do {{ bin }}/python tests/hostile/campaign.py --kind $kind --inputs 50000; done
     {{ bin }}/python tests/harness/kills.py --kills 200
 
 # the README's report, in report

@@ -21,6 +21,7 @@ from consilience.mechanism import (
     Friction,
     Function,
     Initial,
+    Joint,
     JointSpring,
     Load,
     Mechanism,
@@ -661,6 +662,19 @@ def test_a_spring_of_free_length_zero_is_regular_where_its_ends_meet(formulation
     w = np.sqrt(40.0 / body.mass - d * d)
     expected = 0.7 * np.exp(-d * times) * np.sin(w * times) / w
     np.testing.assert_allclose((motion.p_WB[:, 0] - start.p_WB[0]) @ z, expected, rtol=0, atol=1e-10)
+
+
+def test_an_acceleration_at_right_angles_to_every_row_is_an_answer():
+    """A body on a slide along x, without gravity: no row of the joint has a component along -k x / m."""
+    along = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
+    body = Body("b", 1.0, np.zeros(3), np.diag([0.01, 0.012, 0.015]), Frame([0.5, 0, 0], np.eye(3)))
+    joint = Joint("j", "prismatic", GROUND, "b", Frame([0.5, 0, 0], along), Frame(np.zeros(3), along))
+    spring = Spring("s", GROUND, "b", np.zeros(3), np.zeros(3), 100.0, 0.5, 0.0)
+    mechanism = Mechanism("m", np.zeros(3), (body,), (joint,), springs=(spring,))
+    states = [initial_state(mechanism, Initial({"j": {"distance": x}})) for x in (0.0, -0.3, -0.5)]
+    for formulation in ("descriptor", "null_space"):
+        found = accelerations(mechanism, states, formulation)
+        np.testing.assert_allclose(found.a_WB_W[:, 0, 0], [-50.0, -20.0, 0.0], rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize(("free_length", "actuator"), [(0.2, None), (0.0, constant(1.0))])

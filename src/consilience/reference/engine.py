@@ -24,7 +24,7 @@ from consilience.errors import NumericalFailure
 from consilience.mechanism import Array, Mechanism, State, free_directions, in_units, mass_properties, own_units
 from consilience.reference.formulations import registry
 from consilience.reference.impacts import contact_motion, simulate_with_impacts
-from consilience.reference.solver import accelerations, simulate
+from consilience.reference.solver import accelerations, refuse_steep_friction, simulate
 
 _INSTANTS = ("descriptor", "null_space")
 """Formulations for accelerations and reactions when none is named."""
@@ -145,6 +145,7 @@ class ReferenceEngine:
         """
         if mechanism.contacts:  # lengths and speeds are relative there, and messages name them
             return simulate_with_impacts(mechanism, state, np.asarray(times), mechanism.contacts, step)[0]
+        refuse_steep_friction(mechanism)  # here, because the message names a speed
         units = own_units(mechanism)
         own, start = _in_units(mechanism, *units), units.convert(state)
         formulation, integrator, _ = _OTHER.get(method.name, (method.name, None, ()))

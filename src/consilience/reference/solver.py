@@ -92,12 +92,7 @@ def simulate(
     """
     require_states(mechanism, (state,))
     registry.refuse_contacts(mechanism)
-    for friction in frictions_too_steep(mechanism):
-        raise InvalidInput(
-            f"friction '{friction.name}': speed",
-            f"{friction.speed:g} is too small: a joint that ought to stick creeps, and no step resolves it",
-            f"Give {LEAST_SPEED:g} rad/s or characteristic lengths of the mechanism per second, or more.",
-        )
+    refuse_steep_friction(mechanism)
     if assemble:
         t = float(sample_times(times)[0])
         state = assemble_velocities(mechanism, assemble_positions(mechanism, state, t=t), t=t)
@@ -109,6 +104,21 @@ def simulate(
         return _simulate(mechanism, state, sample_times(times), tolerance, formulation, integrator, forces)
     except (NumericalFailure, np.linalg.LinAlgError) as error:
         raise NumericalFailure(f"{_said(error, formulation)}{_causes(mechanism, state)}") from None
+
+
+def refuse_steep_friction(mechanism: Mechanism) -> None:
+    """Refuse friction whose Coulomb part no step resolves.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    for friction in frictions_too_steep(mechanism):
+        raise InvalidInput(
+            f"friction '{friction.name}': speed",
+            f"{friction.speed:g} is too small: a joint that ought to stick creeps, and no step resolves it",
+            f"Give {LEAST_SPEED:g} rad/s or characteristic lengths of the mechanism per second, or more.",
+        )
 
 
 def _simulate(
@@ -308,7 +318,8 @@ def _refuse_unsolved(mechanism: Mechanism, state: State, t: float, a: Array, for
     sizes = np.linalg.norm(Q * velocity_sizes(mechanism), axis=1)
     left, terms = np.abs(Q @ a - gamma) / sizes, (np.abs(Q) @ np.abs(a) + np.abs(gamma)) / sizes
     fall = float(np.linalg.norm(mechanism.gravity)) / characteristic_length(mechanism)
-    scale = max(fall, float(np.max(np.sum(state.w_WB_W**2, axis=1))), float(np.max(terms, initial=0.0)))
+    free = float(np.max(np.abs(a) / velocity_sizes(mechanism)))  # may be at right angles to every row
+    scale = max(fall, free, float(np.max(np.sum(state.w_WB_W**2, axis=1))), float(np.max(terms, initial=0.0)))
     if np.max(left, initial=0.0) > SOLVABLE * scale:
         worst = int(np.argmax(left))
         raise NumericalFailure(
