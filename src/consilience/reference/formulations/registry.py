@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from importlib import import_module
+from math import inf
 from types import ModuleType
 from typing import Any
 
@@ -31,8 +32,9 @@ class FormulationEntry:
         Further arguments of `maker`.
     order : int or None
         Order of an integrator with constant steps; None otherwise.
-    drifts : bool
-        Whether motions drift off the constraints, by design.
+    residual : float
+        Largest residual of the rows along a motion, in tolerances: larger where velocities are not projected, infinite
+        where motions drift by design.
     """
 
     title: str
@@ -40,7 +42,7 @@ class FormulationEntry:
     maker: str
     arguments: dict[str, Any] = field(default_factory=dict)
     order: int | None = None
-    drifts: bool = False
+    residual: float = 1.0
 
     @property
     def module(self) -> ModuleType:
@@ -66,9 +68,9 @@ _ORIENTATIONS = {
 _MASSES = {"": "symmetrised", "_plain": "plain"}
 
 
-def _form(name: str, title: str, drifts: bool = False) -> FormulationEntry:
+def _form(name: str, title: str, residual: float = 1.0) -> FormulationEntry:
     maker = "formulations.coordinates.DescriptorForm"
-    return FormulationEntry(title, "C4 (4.55)-(4.97)", maker, {"name": name}, drifts=drifts)
+    return FormulationEntry(title, "C4 (4.55)-(4.97)", maker, {"name": name}, residual=residual)
 
 
 FORMULATIONS: dict[str, FormulationEntry] = {
@@ -95,9 +97,9 @@ FORMULATIONS: dict[str, FormulationEntry] = {
         for suffix, mass in _MASSES.items()
     },
     "descriptor_baumgarte": _form(
-        "descriptor_baumgarte", "descriptor form, stabilised by Baumgarte's method", drifts=True
+        "descriptor_baumgarte", "descriptor form, stabilised by Baumgarte's method", residual=inf
     ),
-    "descriptor_unprojected": _form("descriptor_unprojected", "descriptor form without stabilisation", drifts=True),
+    "descriptor_unprojected": _form("descriptor_unprojected", "descriptor form without stabilisation", residual=inf),
 }
 """Formulations of index 1 and minimal form, for every integrator."""
 
@@ -110,7 +112,11 @@ SYSTEMS: dict[str, FormulationEntry] = {
         {"index": 2},
     ),
     "descriptor_index_3": FormulationEntry(
-        "descriptor form of index 3; Radau IIA", "EXU", "formulations.dae_radau.integrate_dae", {"index": 3}
+        "descriptor form of index 3; Radau IIA",
+        "EXU",
+        "formulations.dae_radau.integrate_dae",
+        {"index": 3},
+        residual=1e3,
     ),
     "generalised_alpha": FormulationEntry(
         "descriptor form of index 3 on the group of poses; generalised-alpha",
@@ -145,9 +151,9 @@ def entry(name: str) -> FormulationEntry:
     return FORMULATIONS[name]
 
 
-def holds_constraints(name: str) -> bool:
-    """Return whether motions in a formulation stay on the constraints, positions and velocities."""
-    return not (SYSTEMS[name] if name in SYSTEMS else entry(name)).drifts
+def largest_residual(name: str) -> float:
+    """Return the largest residual of the rows along a motion in a formulation, in tolerances."""
+    return (SYSTEMS[name] if name in SYSTEMS else entry(name)).residual
 
 
 def system(name: str) -> Callable[..., TrajectoryAnswer]:
