@@ -135,7 +135,8 @@ AFTER_A_RUN = {"docs/frames.md": 'frames.motions("first"', "docs/outputs.md": "r
 
 
 @pytest.mark.parametrize("page", PYTHON, ids=lambda p: p.name)
-def test_python_blocks_run(page, capsys):
+def test_python_blocks_run(page, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     names = {"__name__": page.stem}
     for block in blocks(page):
         if block.language == "python" and AFTER_A_RUN.get(block.page, "\n\n\n") not in block.text:
