@@ -15,7 +15,7 @@ from consilience.errors import InvalidInput, nearest
 
 if TYPE_CHECKING:
     from consilience.case import Case
-    from consilience.engine import Question
+    from consilience.engine import Profile, Question
     from consilience.suite.cluster import Cluster
 
 CORES = os.cpu_count() or 2
@@ -109,6 +109,15 @@ def chosen_engines(names: list[str] | None) -> list[str]:
     for name in names or []:
         require_installed(name)
     return list(dict.fromkeys(names or installed()))
+
+
+def chosen_profile(name: str) -> Profile:
+    """Return the profile of a name."""
+    from consilience.engine import Profile
+
+    if name not in tuple(Profile):
+        raise InvalidInput(f"profile '{name}'", "it is not one we know", nearest(name, map(str, Profile), "Profiles"))
+    return Profile(name)
 
 
 def chosen_questions(names: list[str] | None) -> list[Question]:

@@ -21,6 +21,7 @@ from plotly.offline import get_plotlyjs
 
 from consilience.errors import visible
 from consilience.report.cells import Cell
+from consilience.report.curves import KINDS
 from consilience.report.figure import COLOURS
 from consilience.report.picture import drawn
 from consilience.report.plots import figures
@@ -35,7 +36,7 @@ from consilience.report.wording import CAPTIONS, anchor
 Replays = Mapping[str, Replay]
 
 OF_CELL = ("difference", "energy")
-OF_CASE = ("horizon", "work", "steps", "reactions", "drift")
+OF_CASE = ("horizon", "work", "steps", *KINDS, "drift")
 OF_CASE_IN_CELL = ("steps", "work", "reactions", "drift")
 """Kinds of figures in the order of the page."""
 

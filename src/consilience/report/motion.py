@@ -30,12 +30,12 @@ def chosen_samples(answer: TrajectoryAnswer) -> Array:
     """Choose samples: evenly spread over the motion, or its first samples if bodies turn too fast."""
     count = len(answer.time)
     spread = max(1, -(-(count - 1) // (FRAMES - 1)))
-    while spread > 1 and _turn(answer.quat_WB[::spread]) > TURN:
+    while spread > 1 and largest_turn(answer.quat_WB[::spread]) > TURN:
         spread -= 1
     return np.arange(0, count, spread)[:FRAMES]
 
 
-def _turn(quats: Array) -> float:
+def largest_turn(quats: Array) -> float:
     """Return the largest angle from one sample to the next, rad."""
     cosine = np.abs(np.sum(quats[1:] * quats[:-1], axis=-1))
     return float(np.max(2.0 * np.arccos(np.minimum(cosine, 1.0)), initial=0.0))

@@ -1,56 +1,94 @@
-"""Figures along the motions of all engines: reactions of the joints, and violation of their constraints."""
+"""Figures of a motion: its curves by the reference, reactions on all engines upon them, violation of constraints.
+
+Grey is the reference, every other colour an engine, as in all figures of a page.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 from typing import Any
 
 from consilience.compare.judge import REFERENCE
-from consilience.report.figure import COLOURS, GREY, TIME, Figure, figure, log_axis
+from consilience.report.curves import CurveSet
+from consilience.report.figure import COLOURS, GREY, MARKERS, TIME, Figure, figure, log_axis
 from consilience.report.record import Record
 from consilience.report.wording import anchor
 
 DASHES = ("solid", "dash", "dot", "dashdot", "longdash")
-MOST_JOINTS = 12
-"""Largest number of joints in a figure."""
 
 
 def replay_figures(record: Record, replays: Mapping[str, dict[str, Any]]) -> dict[str, Figure]:
     """Draw the figures of all cases, by the identifier of their place on the page."""
     engines, found = list(record.header["engines"]), {}
     for case in record.cases:
-        along = (replays.get(case["name"]) or {}).get("along")
+        replay = replays.get(case["name"]) or {}
+        along = replay.get("along")
+        for curves in map(CurveSet.of, replay.get("curves", [])):
+            found[anchor(curves.what, case["name"])] = motion_figure(curves, along, engines)
         if along:
             found[anchor("drift", case["name"])] = drift(along, engines)
-            if along["joints"]:
-                found[anchor("reactions", case["name"])] = reactions(along, engines)
     return found
 
 
-def reactions(along: dict[str, Any], engines: list[str]) -> Figure:
-    """Draw the reaction force on the successor of every joint over time: a colour for each joint, dashes by engine."""
-    yaxis = {"title": {"text": "reaction force in N"}, "rangemode": "tozero"}
-    return figure(_series(along, engines), TIME, yaxis)
+def motion_figure(curves: CurveSet, along: dict[str, Any] | None, engines: Sequence[str]) -> Figure:
+    """Draw curves of the reference in panels above one another, and reactions on the engines as markers upon them."""
+    panels, marks = curves.by_panel(), curves.marks
+    count, traces = len(panels), list[Figure]()
+    layout: Figure = {"height": 90 + 130 * count, "shapes": [], "annotations": []}
+    layout["xaxis"] = {**TIME, "anchor": f"y{count}" if count > 1 else "y"}
+    for k, (panel, own) in enumerate(panels.items()):
+        axis, top = "" if k == 0 else str(k + 1), 1.0 - k / count
+        title = escape(panel) + (f" ({marks[panel]})" if panel in marks else "")
+        layout[f"yaxis{axis}"] = {
+            "domain": [top - 0.76 / count, top - 0.2 / count],
+            "title": {"text": curves.names[own[0]].unit},
+        }
+        place = {"xref": "paper", "x": 0, "xanchor": "left", "yref": "paper", "y": top, "yanchor": "top"}
+        layout["annotations"].append({"text": title, "showarrow": False, **place})
+        traces += _lines(curves, own, f"y{axis}")
+        traces += _markers(along or {}, panel, f"y{axis}", engines)
+    if curves.panels > count:
+        layout["xaxis"]["title"] = {"text": f"time in s; the first {count} of {curves.panels} panels"}
+    named = set[str]()
+    for trace in traces:  # an entry of the legend for each name
+        trace["showlegend"] = trace["name"] not in named
+        named.add(trace["name"])
+    return {"data": [{"type": "scatter", **trace} for trace in traces], "layout": layout}
 
 
-def _series(along: dict[str, Any], engines: list[str]) -> Iterator[Figure]:
-    others = [name for name in engines if name != REFERENCE]
+def _lines(curves: CurveSet, own: Sequence[int], axis: str) -> Iterator[Figure]:
+    """Draw the curves of a panel by the reference, in its grey: a dash for each component."""
+    for n, k in enumerate(own):
+        name = curves.names[k]
+        yield {
+            "x": curves.time.tolist(),
+            "y": curves.values[:, k].tolist(),
+            "name": escape(f"reference, {name.label}" if len(own) > 1 else REFERENCE),
+            "yaxis": axis,
+            "mode": "lines",
+            "line": {"color": GREY, "dash": DASHES[n % len(DASHES)], "width": 2},
+            "hovertemplate": f"%{{x:.4g}} s: %{{y:.5g}} {name.unit}",
+        }
+
+
+def _markers(along: dict[str, Any], panel: str, axis: str, engines: Sequence[str]) -> Iterator[Figure]:
+    """Draw a reaction on the engines at their samples, in the colours of the engines."""
+    joint, _, part = panel.rpartition(": ")
+    if part not in ("force", "torque") or joint not in along.get("joints", ()):
+        return
+    n = along["joints"].index(joint)
     for engine, series in along["engines"].items():
-        # the reference is wide and pale, behind the lines of engines that agree
-        own = engine == REFERENCE
-        dash = "solid" if own else DASHES[(others.index(engine) if engine in others else 0) % len(DASHES)]
-        for n, joint in enumerate(along["joints"][:MOST_JOINTS]):
+        if engine in engines and engine != REFERENCE:
+            k = engines.index(engine)
             yield {
                 "x": along["times"],
-                "y": series["force"][n],
-                "name": escape(joint),
-                "legendgroup": escape(engine),
-                "legendgrouptitle": {"text": escape(engine)},
-                "mode": "lines",
-                "line": {"color": COLOURS[n % len(COLOURS)], "dash": dash, "width": 5 if own else 1.4},
-                "opacity": 0.4 if own else 1.0,
-                "hovertemplate": "%{x:.3g} s: %{y:.5g} N",
+                "y": series[part][n],
+                "name": escape(engine),
+                "yaxis": axis,
+                "mode": "markers",
+                "marker": {"color": COLOURS[k % len(COLOURS)], "symbol": MARKERS[k % len(MARKERS)], "size": 5},
+                "hovertemplate": f"%{{x:.3g}} s: %{{y:.5g}} {'N' if part == 'force' else 'N m'}",
             }
 
 

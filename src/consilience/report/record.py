@@ -217,7 +217,7 @@ def write_record(results: Results, elapsed: float, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     text = "".join(json.dumps(_plain(line), allow_nan=False) + "\n" for line in lines(results, elapsed))
     _write_arrays(results, folder / "runs")
-    write_atomically(folder / NAME, replays(results.cases, results.runs))
+    write_atomically(folder / NAME, replays(results.cases, results.runs, results.dense))
     write_atomically(folder / "report.jsonl", text)
 
 

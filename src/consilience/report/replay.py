@@ -7,7 +7,7 @@ report without the question `trajectory` has drawings and no motions.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from consilience.case import Case
 from consilience.compare.judge import REFERENCE
 from consilience.engine import Profile, Run, TrajectoryAnswer
 from consilience.mechanism import Array, Mechanism, State
+from consilience.report.curves import curve_sets
 from consilience.report.motion import chosen_samples, encoded_difference, encoded_poses
 from consilience.report.reactions import can_be_told, drift_over_time, reactions_over_time
 from consilience.report.replayschema import FORMAT
@@ -26,10 +27,10 @@ PLOTTED = 31
 """Largest number of samples in a plot of reactions."""
 
 Replay = dict[str, Any]
-"""Data of a case: `scene`, `seed`, `motion` or None, and `along` (values over time) or None."""
+"""Data of a case: `scene`, `seed`, `motion` or None, `along` (values over time on all engines) or None, `curves`."""
 
 
-def replay_of(case: Case, runs: Sequence[Run]) -> Replay:
+def replay_of(case: Case, runs: Sequence[Run], dense: TrajectoryAnswer | None = None) -> Replay:
     """Make the replay of a case.
 
     Parameters
@@ -37,11 +38,16 @@ def replay_of(case: Case, runs: Sequence[Run]) -> Replay:
     case : Case
     runs : sequence of Run
         All runs of the case; the replay shows the first matched method of each engine at its finest level.
+    dense : TrajectoryAnswer, optional
+        Motion of the reference for curves; default: that of the runs.
     """
     shown = dict(_headlines(runs))
     motion, along = (_motion(shown), _along(case.mechanism, shown)) if REFERENCE in shown else (None, None)
     drawn = scene(case.mechanism, case.initial_state)
-    return {"case": case.name, "seed": case.seed, "motion": motion, "along": along, "scene": drawn}
+    answer = dense if dense is not None else shown[REFERENCE][0] if REFERENCE in shown else None
+    curves = [] if answer is None else [one.data() for one in curve_sets(case.mechanism, answer)]
+    found = {"case": case.name, "seed": case.seed, "motion": motion, "along": along, "scene": drawn}
+    return found | {"curves": curves}
 
 
 def motion_alone(case: Case, answer: TrajectoryAnswer, how: str) -> Replay:
@@ -53,7 +59,7 @@ def motion_alone(case: Case, answer: TrajectoryAnswer, how: str) -> Replay:
 def replay_of_motion(mechanism: Mechanism, start: State, answer: TrajectoryAnswer, how: str = "") -> Replay:
     """Make the replay of a motion of a mechanism that starts in a state; `how` names method and step."""
     drawn, motion = scene(mechanism, start), _motion({REFERENCE: (answer, how)})
-    return {"case": mechanism.name, "seed": 0, "scene": drawn, "along": None, "motion": motion}
+    return {"case": mechanism.name, "seed": 0, "scene": drawn, "along": None, "motion": motion, "curves": []}
 
 
 def _headlines(runs: Sequence[Run]) -> Iterator[tuple[str, tuple[TrajectoryAnswer, str]]]:
@@ -118,8 +124,10 @@ def _plain(values: Array) -> list[float | None]:
     return [float(f"{v:.5g}") if np.isfinite(v) else None for v in values]
 
 
-def replays(cases: Sequence[Case], runs: Sequence[Run]) -> str:
-    """Write the text of ``replay.json``: the replays of all cases that can be assembled."""
-    of_case = grouped((run.case, run) for run in runs)
-    found = [replay_of(case, of_case.get(case.name, [])) for case in cases if not case.unassembled]
+def replays(cases: Sequence[Case], runs: Sequence[Run], dense: Mapping[str, TrajectoryAnswer] | None = None) -> str:
+    """Write the text of ``replay.json``: the replays of all cases that can be assembled; `dense` as in `replay_of`."""
+    of_case, dense = grouped((run.case, run) for run in runs), dense or {}
+    found = [
+        replay_of(case, of_case.get(case.name, []), dense.get(case.name)) for case in cases if not case.unassembled
+    ]
     return json.dumps({"format": FORMAT, "cases": found}, allow_nan=False, separators=(",", ":"))

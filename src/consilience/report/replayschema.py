@@ -137,6 +137,25 @@ class ReplayCurves(StrictModel):
         return self
 
 
+class ReplayCurveSet(StrictModel):
+    """Curves of one kind, as `curves.CurveSet`: a row of values for each."""
+
+    what: Literal["coordinates", "rates", "positions", "velocities", "energies", "reactions"]
+    names: list[Annotated[list[NameField], Field(min_length=3, max_length=3)]]
+    time: list[_Number]
+    values: list[list[_Number]]
+    open: list[_Number]
+    panels: Annotated[int, Field(ge=0)]
+
+    @model_validator(mode="after")
+    def _as_many(self) -> ReplayCurveSet:
+        if len({len(self.names), len(self.values), len(self.open)}) > 1:
+            raise ValueError("curves are not as many as names")
+        if any(len(row) != len(self.time) for row in self.values):
+            raise ValueError("values of a curve are not as many as times")
+        return self
+
+
 class ReplayCase(StrictModel):
     """A case in motion."""
 
@@ -145,6 +164,7 @@ class ReplayCase(StrictModel):
     scene: ReplayScene
     motion: ReplayMotion | None
     along: ReplayCurves | None
+    curves: list[ReplayCurveSet] = []
 
     @model_validator(mode="after")
     def _sizes(self) -> ReplayCase:

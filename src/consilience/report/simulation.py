@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from consilience.engine import TrajectoryAnswer
-from consilience.errors import InvalidInput
+from consilience.errors import InvalidInput, nearest
 from consilience.mechanism import (
     JOINT_KINDS,
     Array,
@@ -22,6 +22,8 @@ from consilience.mechanism import (
     potential_energy,
     relative_motion,
 )
+from consilience.report.curves import KINDS, curve_sets
+from consilience.report.exports.motionplot import motion_figure, one_kind
 from consilience.report.html import render_replay
 from consilience.report.picture import picture
 from consilience.report.reactions import reactions_over_samples
@@ -30,8 +32,6 @@ from consilience.report.replay import replay_of_motion
 if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
-
-_UNITS = {"angle": "rad", "angle1": "rad", "angle2": "rad", "distance": "m", "x": "m", "y": "m", "position": "m"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,30 +129,32 @@ class Simulation(TrajectoryAnswer):
         potential = np.array([potential_energy(self.mechanism, s) for s in states])
         return {"kinetic": kinetic, "potential": potential, "total": kinetic + potential}
 
-    def plot(self, *joints: str) -> Figure:
-        """Draw coordinates of joints over time, a panel for each coordinate; default: all joints with scalar ones.
+    def plot(self, *names: str, what: str = "coordinates") -> Figure:
+        """Draw curves over time, a panel for each coordinate, joint or body.
+
+        A panel says by how much its peak may be off where the samples are too far apart to tell.
+
+        Parameters
+        ----------
+        names : str
+            Joints, or for positions and velocities bodies; default: all, the first twelve panels.
+        what : str
+            A key of `consilience.report.curves.KINDS`.
 
         Raises
         ------
         InvalidInput
-            There is no such joint, or matplotlib is not installed.
+            There is no such name or kind, nothing of it can be drawn, or matplotlib is not installed.
         """
-        try:
-            from matplotlib.figure import Figure  # noqa: PLC0415 - an extra: only a plot needs it
-        except ModuleNotFoundError:
-            remedy = "Install it: pip install 'consilience[plot]'."
-            raise InvalidInput("plot", "matplotlib is not installed", remedy) from None
-        names = joints or tuple(joint.name for joint in self.mechanism.joints)
-        shown = [(n, c) for n in names for c in JOINT_KINDS[self._joint(n).kind].coordinates if c in _UNITS]
-        if not shown:
-            raise InvalidInput("plot", "these joints have no scalar coordinate", "Name joints that move.")
-        figure = Figure(figsize=(6.4, 0.6 + 1.8 * len(shown)), layout="constrained")
-        panels = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
-        for panel, (name, coordinate) in zip(panels, shown, strict=True):
-            panel.plot(self.time, self.coordinates(name, coordinate))
-            panel.set_ylabel(f"{name}: {coordinate} [{_UNITS[coordinate]}]")
-        panels[-1].set_xlabel("time [s]")
-        return figure
+        if what not in KINDS:
+            raise InvalidInput("plot", f"'{what}' is no kind of curves", nearest(what, KINDS, "Kinds"))
+        bodies, joints = ([x.name for x in own] for own in (self.mechanism.bodies, self.mechanism.joints))
+        known = bodies if what in ("positions", "velocities") else joints
+        for name in names:
+            if name not in known:
+                raise InvalidInput("plot", f"there is no '{name}' to draw", nearest(name, known, "Names"))
+        found = list(curve_sets(self.mechanism, self, [what], names))
+        return motion_figure(one_kind(found, what, self.mechanism.name))
 
     def animate(self) -> ReplayPage:
         """Return a page with the mechanism in motion."""

@@ -225,9 +225,15 @@ CAPTIONS: dict[str, str] = {
     "finest level, and in grey the uncertainty of the reference. Shaded: past the horizon, not judged.",
     "energy": "Change of the total energy since the start over the largest kinetic energy, recomputed from the motion "
     "by the same code for every engine.",
-    "reactions": "Reaction forces over time, on the successor, recomputed from the motion of each engine by the same "
-    "dense solution: one colour a joint, one dash an engine, the reference wide and pale behind. Components "
-    "that equilibrium does not determine are left out.",
+    "coordinates": "Joint coordinates over time by the reference, full turns counted. Samples are halved until the "
+    "extremes of each curve settle within 1 %; a panel where they do not says by how much its peak may be off.",
+    "rates": "Rates of the joint coordinates over time by the reference, sampled as the coordinates.",
+    "positions": "Positions of the body origins over time by the reference, world axes, sampled as the coordinates.",
+    "velocities": "Velocities of the body origins over time by the reference, world axes, sampled as the coordinates.",
+    "energies": "Energies over time by the reference, sampled as the coordinates.",
+    "reactions": "Reaction forces and torques over time, on the successor, the torque about the origin of M: the line "
+    "by the reference, sampled as the coordinates; markers, a colour an engine, recomputed at samples of the motion of "
+    "each engine by the same dense solution. Components that equilibrium does not determine are left out.",
     "drift": "Largest violation of a joint's constraints over time, from the motion of each engine by the same code.",
     "horizon": "How far the motion can be judged: one rounding error, committed at the start, grows along the "
     "reference as shown, the largest over a few directions. Where it reaches the digits asked lies the horizon; what "
@@ -327,7 +333,10 @@ def counted(count: int, noun: str) -> str:
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
-_KINDS = ("case", "horizon", "work", "steps", "reactions", "drift", "cell")
+_KINDS = (
+    *("case", "horizon", "work", "steps", "coordinates", "rates", "positions", "velocities", "energies"),
+    *("reactions", "drift", "cell"),
+)
 """First names of identifiers that belong to a case: its page and figures."""
 
 

@@ -1,5 +1,6 @@
 """Suites: many cases, engines and questions, run in parallel, stored, resumed and judged."""
 
+from consilience.suite.dense import densely_sampled
 from consilience.suite.engine_runs import FULL, QUICK, Thoroughness, ask_case, ask_ladder, open_plan
 from consilience.suite.store import Store
 from consilience.suite.suite import EngineFailure, Resources, Results, run_suite, simulate_case
@@ -14,6 +15,7 @@ __all__ = [
     "Thoroughness",
     "ask_case",
     "ask_ladder",
+    "densely_sampled",
     "open_plan",
     "run_suite",
     "simulate_case",

@@ -21,10 +21,11 @@ from typing import TYPE_CHECKING, NamedTuple
 from consilience.case import Case
 from consilience.compare import Comparison, ReferenceMotion
 from consilience.compare.judge import REFERENCE, judge_case, reference_motion
-from consilience.engine import EngineInfo, Question, Run, Status, TrajectoryAnswer
-from consilience.engine.worker.client import MEMORY, EngineHandle, InProcessEngine, Request, Worker, WorkerHandle
+from consilience.engine import EngineInfo, Profile, Question, Run, Status, TrajectoryAnswer
+from consilience.engine.worker.client import MEMORY, InProcessEngine, Request, Worker, WorkerHandle
 from consilience.errors import ConsilienceError, InvalidInput, require
-from consilience.suite.engine_runs import FULL, EngineCase, Thoroughness, ask_case, open_plan
+from consilience.suite.dense import densely_sampled, finest_motion
+from consilience.suite.engine_runs import FULL, Thoroughness, ask_case
 from consilience.suite.store import Store
 from consilience.suite.warm_up import compiled, compiled_beside
 
@@ -52,6 +53,8 @@ class Results:
     runs: list[Run] = field(default_factory=list)
     comparisons: list[Comparison] = field(default_factory=list)
     thoroughness: Thoroughness = FULL
+    dense: dict[str, TrajectoryAnswer] = field(default_factory=dict)
+    """Motions of the reference by case, at samples close enough to draw."""
 
     def __repr__(self) -> str:
         counts = Counter(str(c.verdict) for c in self.comparisons)
@@ -167,6 +170,9 @@ class _Suite:
         runs = list(ask_case(worker, case, results.questions, self.thoroughness, self.store, info, motion))
         if name == REFERENCE and self.thoroughness.closer:
             self._reference_motions[number] = reference_motion(case, runs)
+        if name == REFERENCE and any(run.question == Question.TRAJECTORY and run.answer is not None for run in runs):
+            dense = finest_motion(worker, densely_sampled(case), store=self.store, info=info).answer
+            results.dense |= {} if dense is None else {case.name: dense}
         return runs
 
 
@@ -305,31 +311,36 @@ def _in_parallel(suite: _Suite, jobs: int) -> Generator[tuple[str, int, list[Run
         pool.shutdown(wait=True)
 
 
-def simulate_case(case: Case, engine: str, limit: float) -> tuple[TrajectoryAnswer, str]:
-    """Return the trajectory of a case by an engine's first method at its finest level, and the name of the method.
+def simulate_case(
+    case: Case, engine: str, limit: float, method: str | None = None, profile: Profile = Profile.MATCHED
+) -> tuple[TrajectoryAnswer, str]:
+    """Return the trajectory of a case by a method of an engine at its finest level, and the name of the method.
+
+    Parameters
+    ----------
+    case : Case
+    engine : str
+    limit : float, s
+        Time limit.
+    method : str, optional
+        Name of a method; default: the first one of the profile.
+    profile : Profile
+        Settings of the method.
 
     Raises
     ------
     EngineFailure
         If the engine does not answer, with the reason.
+    InvalidInput
+        If the engine has no such method for the case.
     """
     if engine.partition(":")[0] == REFERENCE:
-        run = _finest(InProcessEngine(engine), case)  # no process of its own, which would take time to start
+        # no process of its own, which would take time to start
+        run = finest_motion(InProcessEngine(engine), case, method, profile)
     else:
         with Worker(engine, limit) as worker:
-            run = _finest(worker, case)
+            run = finest_motion(worker, case, method, profile)
     if run.status is Status.ANSWERED and run.method is not None:
         kind = "step" if run.method.substeps else "tolerance"
         return run.answer, f"{run.method.name}, {kind} {run.step:g}"
     raise EngineFailure(f"engine '{engine}', case '{case.name}': {run.status}: {run.reason}")
-
-
-def _finest(worker: EngineHandle, case: Case) -> Run:
-    """Return the motion by the first method at the finest level, or why there is none."""
-    plan = open_plan(worker, case)
-    if isinstance(plan, str):
-        return Run(case.name, worker.engine, Question.TRAJECTORY, None, 0, None, Status.FAILED, reason=plan)
-    engine_case = EngineCase(worker, case, plan)
-    if plan.refusals(Question.TRAJECTORY):
-        return next(engine_case.question(Question.TRAJECTORY))
-    return engine_case.finest(Question.TRAJECTORY)

@@ -13,9 +13,12 @@ import typer
 
 from consilience.cli.options import Form, OutputFormat, require_ending, writing
 from consilience.cli.terminal import state
-from consilience.errors import InvalidInput
-from consilience.report.exports.plot import UNDATED, plotted
+from consilience.errors import InvalidInput, nearest
+from consilience.report.curves import CurveSet
+from consilience.report.exports.motionplot import motion_plot, one_kind
+from consilience.report.exports.plot import PLOTS, UNDATED, plotted
 from consilience.report.record import read_record, write_atomically
+from consilience.report.replayschema import read_replay
 from consilience.report.statement import Statement
 
 
@@ -31,12 +34,18 @@ class ExportFormat(StrEnum):
 
 
 class PlotName(StrEnum):
-    """Keys of `plot.PLOTS`."""
+    """Keys of `plot.PLOTS`, and of `curves.KINDS`: the motion by the reference."""
 
     DIFFERENCE = "difference"
     CONVERGENCE = "convergence"
     ENERGY = "energy"
     WORK_PRECISION = "work-precision"
+    COORDINATES = "coordinates"
+    RATES = "rates"
+    POSITIONS = "positions"
+    VELOCITIES = "velocities"
+    ENERGIES = "energies"
+    REACTIONS = "reactions"
 
 
 MODULES = {ExportFormat.CSV: "spreadsheet", ExportFormat.JSON: "document"}
@@ -85,10 +94,18 @@ def plot(
     ] = None,
     form: Form = OutputFormat.TEXT,
 ) -> None:
-    """Plot the motion of a case on every engine, fit for a paper."""
+    """Plot the motion of a case by the reference, or its differences on every engine, fit for a paper."""
     target = output or Path(f"{case}-{what}.svg")
-    require_ending(target, "plot", *(f".{form}" for form in UNDATED))
-    picture = plotted(read_record(run), case, what, target.suffix[1:])
+    require_ending(target, "plot", *(f".{ending}" for ending in UNDATED))
+    record, ending = read_record(run), target.suffix[1:]
+    if what in PLOTS:
+        picture = plotted(record, case, what, ending)
+    else:
+        known = [one["name"] for one in record.cases]
+        if case not in known:
+            raise InvalidInput(f"case '{case}'", "it is not in this run", nearest(case, known, "Cases"))
+        curves = [CurveSet.of(one) for one in read_replay(run).get(case, {}).get("curves", [])]
+        picture = motion_plot(one_kind(curves, what, case), case, ending)
     with writing(target):
         target.write_bytes(picture)
     state(Statement([f"plot: {target}"], [], {"file": str(target)}), form)

@@ -6,11 +6,25 @@ import signal
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from consilience.cli.options import CaseName, EngineName, Form, JobLimit, OutputFormat, chosen_engines
+from consilience.cli.options import (
+    CaseName,
+    EngineName,
+    Form,
+    JobLimit,
+    OutputFormat,
+    chosen_engines,
+    chosen_profile,
+    require_ending,
+    writing,
+)
+
+if TYPE_CHECKING:
+    from consilience.case import Case
+    from consilience.engine import Profile, TrajectoryAnswer
 
 
 @contextmanager
@@ -35,9 +49,17 @@ def simulate(
     duration: Annotated[float | None, typer.Option(help="s; default: the case's.")] = None,
     sample: Annotated[float | None, typer.Option(help="s; default: the case's.")] = None,
     limit: JobLimit = 600.0,
+    method: Annotated[
+        str | None, typer.Option("-m", "--method", help="Method of the engine; default: its first one.")
+    ] = None,
+    profile: Annotated[str, typer.Option(help="matched, or default: the engine's own settings.")] = "matched",
+    plot: Annotated[
+        Path | None,
+        typer.Option("--plot", metavar="FILE", help="Draw the motion as well: a file for each kind of curves."),
+    ] = None,
     form: Form = OutputFormat.TEXT,
 ) -> None:
-    """Simulate one case on one engine, by its first method at its finest level, and write the observables."""
+    """Simulate one case by one method of an engine at its finest level, and write the observables."""
     from consilience.case import load_case
     from consilience.cli.terminal import state
     from consilience.report.statement import Statement
@@ -46,11 +68,39 @@ def simulate(
 
     if output is not None:
         check_target(output)
+    if plot is not None:
+        require_ending(plot, "plot", ".svg", ".pdf", ".png")
     chosen = load_case(case).with_span(duration, sample)
     (name,) = chosen_engines([engine])
+    asked = chosen_profile(profile)
     with _reference_in_this_process() if name.partition(":")[0] == "reference" else nullcontext():
-        answer, how = simulate_case(chosen, name, limit)
+        answer, how = simulate_case(chosen, name, limit, method, asked)
+        plots = [] if plot is None else _write_plots(chosen, name, plot, (answer, method, asked, limit))
     output = output or Path(f"{chosen.name}.json")
     export_trajectory(chosen.mechanism, answer, output)
     data = {"case": chosen.name, "engine": name, "how": how, "samples": len(answer.time), "file": str(output)}
-    state(Statement([f"{chosen.name} on {name} ({how}): {len(answer.time)} samples in {output}"], [], data), form)
+    data |= {"plots": [str(target) for target in plots]} if plots else {}
+    told = f"{chosen.name} on {name} ({how}): {len(answer.time)} samples in {output}"
+    state(Statement([told, *(f"plot: {target}" for target in plots)], [], data), form)
+
+
+def _write_plots(
+    case: Case, engine: str, path: Path, asked: tuple[TrajectoryAnswer, str | None, Profile, float]
+) -> list[Path]:
+    """Draw every kind of curves of a motion, each in a file that ends in its name.
+
+    The reference has a dense solution, whose samples cost nothing; an engine would take other steps between others.
+    """
+    from consilience.report.curves import curve_sets
+    from consilience.report.exports.motionplot import motion_plot
+    from consilience.suite import densely_sampled, simulate_case
+
+    answer, method, profile, limit = asked
+    if engine.partition(":")[0] == "reference":
+        answer, _ = simulate_case(densely_sampled(case), engine, limit, method, profile)
+    targets = []
+    for curves in curve_sets(case.mechanism, answer):
+        targets.append(path.with_stem(f"{path.stem}-{curves.what}"))
+        with writing(targets[-1]):
+            targets[-1].write_bytes(motion_plot(curves, case.name, path.suffix[1:]))
+    return targets
