@@ -256,6 +256,8 @@ def test_a_case_called_engine_does_not_hide_the_page_of_an_engine():
         (lambda one: one["scene"]["joints"][0].update(body=7), "not there"),
         (lambda one: one["along"]["engines"]["e"]["drift"].append(0.0), "not as many as times"),
         (lambda one: one["scene"]["gravity"].append(1.0), "at most 3 items"),
+        (lambda one: one["curves"][0]["values"][0].pop(), "not as many as times"),
+        (lambda one: one["curves"][0]["open"].pop(), "not as many as names"),
     ],
 )
 def test_a_replay_that_was_tampered_with_is_refused(folder, change, said):

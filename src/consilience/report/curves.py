@@ -33,7 +33,7 @@ START = 120
 """Number of intervals before the first halving; more where a body turns by more than one radian in an interval."""
 
 SETTLED = 0.01
-"""Change of an extreme on two halvings, relative to the largest magnitude of its curve, below which a curve is settled."""
+"""Change of an extreme on two halvings, relative to the largest magnitude of its curve, that a settled curve has."""
 
 FLOOR = 1e-9
 """Curves smaller than this part of the largest one of their unit are the rounding of the others."""
@@ -259,7 +259,7 @@ def _change(values: Array) -> Array:
 
 def _drawable(found: CurveSet) -> Iterator[CurveSet]:
     """Leave out curves that are not numbers, put rounding to zero, count full turns, and drop samples on lines."""
-    own: Array = np.isfinite(found.values).all(axis=0)
+    own = np.asarray(np.isfinite(found.values).all(axis=0))
     if not own.any():
         return
     names = tuple(name for name, kept in zip(found.names, own.tolist(), strict=True) if kept)

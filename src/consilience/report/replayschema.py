@@ -164,7 +164,7 @@ class ReplayCase(StrictModel):
     scene: ReplayScene
     motion: ReplayMotion | None
     along: ReplayCurves | None
-    curves: list[ReplayCurveSet] = []
+    curves: list[ReplayCurveSet] = Field(default_factory=list)
 
     @model_validator(mode="after")
     def _sizes(self) -> ReplayCase:
