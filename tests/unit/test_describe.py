@@ -4,6 +4,7 @@ import dataclasses
 import re
 import xml.etree.ElementTree as ET
 from io import BytesIO
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from matplotlib.image import imread
 from consilience.case import Case, load_cases
 from consilience.case.families import family_cases
 from consilience.errors import InvalidInput
-from consilience.mechanism import Initial, Rolling, Skate
+from consilience.mechanism import Initial, Rolling, Skate, centres_of_mass
 from consilience.report.figure3d import figure_of, upright, widest_view
 from consilience.report.picture import as_png, picture, views
 from consilience.report.summary import describe_case
@@ -171,3 +172,28 @@ def test_views_are_those_of_third_angle_projection():
     assert tilted[1] @ up > 0.8
     for axes in (above, front, side, tilted):
         assert np.abs(axes @ axes.T - np.eye(2)).max() < 1e-12
+
+
+def _distance(point, start, end):
+    along = end - start
+    part = np.clip((point - start) @ along / max(along @ along, 1e-300), 0.0, 1.0)
+    return np.linalg.norm(start + part * along - point)
+
+
+@pytest.mark.parametrize("name", ["stewart_platform", "excavator_arm", "gear_pair", "double_wishbone"])
+def test_every_body_is_drawn_to_its_joints_and_its_centre_of_mass(name):
+    """A plate is its outline, a boom reaches beyond its last joint, and a wheel about its centre is a circle."""
+    case = load_cases(name)[0]
+    mechanism, state = case.mechanism, case.initial_state
+    figure = figure_of(mechanism, state)
+    for i, center in enumerate(centres_of_mass(mechanism, state)[0]):
+        lines = [line.points for line in figure.lines if line.body == i]
+        size = max(np.max(np.ptp(points, axis=0)) for points in lines)
+        middles = [np.linalg.norm(points[:-1].mean(axis=0) - center) for points in lines if len(points) > 40]
+        apart = [_distance(center, a, b) for points in lines for a, b in pairwise(points)]
+        assert min([*apart, *middles]) <= 0.05 * size
+    if name == "stewart_platform":
+        (plate,) = [line.points for line in figure.lines if line.body == 0 and len(line.points) > 2]
+        joints = [mark.point for mark in figure.joints if mark.kind == "spherical"]
+        assert np.allclose(plate[0], plate[-1])
+        assert sorted(map(tuple, plate[:-1].round(6))) == sorted(map(tuple, np.round(joints, 6)))

@@ -102,7 +102,7 @@ def test_everything_drawn_is_fixed_to_the_body_that_carries_it(name):
         assert one.axis is None or np.allclose(one.axis, other.axis, atol=1e-5)
     for kind in ("body", "spring", "rod"):
         ours, theirs = ([line.points for line in f.lines if line.kind == kind] for f in (moved, expected))
-        assert np.allclose(ours, theirs, atol=1e-5 * size)
+        assert all(np.allclose(a, b, atol=1e-5 * size) for a, b in zip(ours, theirs, strict=True))
 
 
 def pendulum():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import string
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -22,6 +23,9 @@ from consilience.mechanism import (
 
 BODY_MARKS = string.digits[1:] + string.ascii_lowercase
 JOINT_MARKS = string.ascii_uppercase
+
+SAME, FLAT, SPUR = 1e-9, 1e-6, 0.05
+"""Distance of points that coincide, m; relative size of a plane's thickness; of an offset of a centre of mass."""
 
 WITHOUT_AXIS = ("spherical", "free", "rigid", "rod")
 
@@ -113,11 +117,13 @@ def figure_of(mechanism: Mechanism, state: State) -> Figure3D:
         PlaceLabel(BODY_MARKS[i] if i < len(BODY_MARKS) else "", body.name, "body", centers[i], body=i)
         for i, body in enumerate(mechanism.bodies)
     ]
-    lines = [
-        Polyline(i, "body", line)
-        for i, body in enumerate(mechanism.bodies)
-        for line in _skeleton(ends[body.name], centers[i], state.p_WB[i])
-    ]
+    lines = []
+    round_ones = {r.body for r in mechanism.rollings} | {c.body for c in mechanism.contacts if c.radius}
+    for i, body in enumerate(mechanism.bodies):
+        own = list(_skeleton(ends[body.name] or [state.p_WB[i]], centers[i]))
+        lines += [Polyline(i, "body", line) for line in own]
+        if not own and body.name not in round_ones:
+            lines += _disc(mechanism, state, i, centers[i])
     return Figure3D((*lines, *_other_lines(mechanism, state)), tuple(joints), tuple(bodies), mechanism.gravity)
 
 
@@ -142,15 +148,56 @@ def connections(mechanism: Mechanism, state: State) -> Iterator[Polyline]:
         yield Polyline(-1, kind, ends, (index_of(mechanism, first), index_of(mechanism, second)))
 
 
-def _skeleton(ends: list[Array], center: Array, origin: Array) -> Iterator[Array]:
-    """Draw a body: a line between two joints, a star of three or more, a line from one joint to the centre of mass."""
-    if len(ends) == 2 and np.linalg.norm(ends[0] - ends[1]) > 1e-9:
-        yield np.array(ends)
-        return
-    hub = np.mean(ends, axis=0) if len(ends) > 2 else center
-    for end in ends or [origin]:
-        if np.linalg.norm(end - hub) > 1e-9:
-            yield np.array([end, hub])
+def _skeleton(ends: list[Array], center: Array) -> Iterator[Array]:
+    """Draw a body by its joints: a line, the outline of a plate, or a star in space; then a spur to a centre off it.
+
+    The order of the points is that of the joints, so that it is the same in every pose.
+    """
+    points = [p for k, p in enumerate(ends) if all(np.linalg.norm(p - q) > SAME for q in ends[:k])]
+    hub = np.mean(points, axis=0)
+    arms = np.array(points) - hub
+    _, sizes, axes = np.linalg.svd(arms)
+    rank = int(np.sum(sizes > FLAT * sizes[0])) if len(points) > 1 else 0
+    if rank == 1:
+        along = arms @ axes[0]
+        first, last = sorted((int(np.argmin(along)), int(np.argmax(along))))
+        drawn = [np.array([points[first], points[last]])]
+    elif rank == 2 and (order := _outline(arms @ axes[:2].T)):
+        drawn = [np.array([points[k] for k in order])]
+    else:
+        drawn = [np.array([point, hub]) for point in points] if rank else []
+    yield from drawn
+    segments = [pair for line in drawn for pair in pairwise(line)] or [(points[0], points[0])]
+    near = min((_nearest(center, *pair) for pair in segments), key=lambda point: float(np.linalg.norm(point - center)))
+    if np.linalg.norm(near - center) > max(SAME, SPUR * np.max(np.abs(arms))):
+        yield np.array([near, center])
+
+
+def _outline(flat: Array) -> list[int]:
+    """Return the closed order of points around their mean, shape (n, 2), if they are the corners of a convex plate."""
+    order = np.argsort(np.arctan2(flat[:, 1], flat[:, 0])).tolist()
+    edges = np.diff(flat[[*order, *order[:2]]], axis=0)
+    turns = edges[:-1, 0] * edges[1:, 1] - edges[:-1, 1] * edges[1:, 0]
+    if np.any(turns < FLAT * np.max(np.abs(flat)) ** 2):
+        return []
+    order = order[order.index(0) :] + order[: order.index(0)]
+    return [*order, 0] if order[1] < order[-1] else [0, *order[::-1]]
+
+
+def _nearest(point: Array, start: Array, end: Array) -> Array:
+    """Return the point of a segment that is nearest to a point."""
+    along = end - start
+    part = (point - start) @ along / max(along @ along, SAME**2)
+    return np.asarray(start + np.clip(part, 0.0, 1.0) * along)
+
+
+def _disc(mechanism: Mechanism, state: State, body: int, center: Array) -> Iterator[Polyline]:
+    """Draw a body whose joints are at its centre of mass: a circle of the radius of gyration about its widest axis."""
+    own = mechanism.bodies[body]
+    moments, axes = np.linalg.eigh(own.inertia)
+    if moments[-1] > 0.0:
+        across = rotation_from_quaternion(state.quat_WB[body]) @ axes
+        yield Polyline(body, "circle", _circle(center, across, float(np.sqrt(moments[-1] / own.mass))))
 
 
 def _other_lines(mechanism: Mechanism, state: State) -> Iterator[Polyline]:
