@@ -665,7 +665,8 @@ def test_one_newton_step_by_hand():
 
 
 def test_long_steps_are_shortened_and_say_so():
-    body = Body("b", 1.0, np.zeros(3), np.diag([0.1, 0.2, 0.25]), Frame(np.array([0.0, 4.0, 0.0]), np.eye(3)))
+    """A radius of gyration of 1 m is the characteristic length: the body, 4 m away, comes nearer by 1 m a step."""
+    body = Body("b", 1.0, np.zeros(3), np.diag([0.5, 0.7, 1.0]), Frame(np.array([0.0, 4.0, 0.0]), np.eye(3)))
     mechanism = Mechanism("pin", DOWN, (body,), (Joint("pin", "revolute", GROUND, "b", ORIGIN, ORIGIN),))
     history = assemble_with_history(mechanism, drawing_state(mechanism)).history
     assert [i.scale for i in history[1:4]] == pytest.approx([1 / 4, 1 / 3, 1 / 2])

@@ -11,8 +11,9 @@ A displacement of a body is ``(dr, phi)``: of the origin in m, and a rotation ve
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,6 +29,7 @@ from consilience.mechanism.constraints import (
     row_sizes,
     velocity_sizes,
 )
+from consilience.mechanism.element_rows import Angles
 from consilience.mechanism.joint_rows import joint_frames, row_jacobian, scatter
 from consilience.mechanism.joints import JOINT_KINDS
 from consilience.mechanism.model import GROUND, Frame, Joint, Mechanism, State
@@ -181,19 +183,58 @@ def _width(coordinate: str) -> int:
     return 3 if coordinate in ("position", "orientation") else 1
 
 
-def linear_system(mechanism: Mechanism, state: State, held: HeldCoordinates, t: float) -> tuple[Array, Array]:
-    """Return residual and Jacobian of all holonomic rows and held coordinates at the time t."""
-    return _residual(mechanism, state, held, t), _jacobian(mechanism, state, held, t)
+class NewtonIterate(NamedTuple):
+    """Iterate of an assembly: pose, residual of all rows, and the step to the pose before it was shortened."""
+
+    state: State
+    residual: Array  # in units of the sizes of the rows
+    left: Array  # residual that the linear model leaves
+    step: float  # largest component, m and rad
+    scale: float  # fraction of the step taken
 
 
-def _residual(mechanism: Mechanism, state: State, held: HeldCoordinates, t: float) -> Array:
-    errors = [held_error(mechanism, state, joint, coordinate, target) for joint, coordinate, target in held]
-    return np.concatenate([constraint_residual(mechanism, state, t), *errors])
+def newton_iterates(
+    mechanism: Mechanism, guess: State, held: HeldCoordinates, t: float = 0.0, angles: Angles | None = None
+) -> Iterator[NewtonIterate]:
+    """Yield a guess and the iterates of Newton's method, by least-norm steps.
+
+    Steps are at most a characteristic length and a radian: beyond, the linear model is meaningless.
+    The equations are those of all holonomic rows and of the held coordinates; lengths count in characteristic lengths.
+
+    Parameters
+    ----------
+    guess : State
+    held : list of (Joint, str, array_like)
+    t : float, s
+    angles : mapping, optional
+        Angles of joints that drive couplings, with full turns, as in `constraint_residual`.
+    """
+    rows, columns = row_lengths(mechanism, held), velocity_sizes(mechanism)
+    state, longest, scale = guess, 0.0, 1.0
+    while True:
+        errors = [held_error(mechanism, state, *one) for one in held]
+        residual = np.concatenate([constraint_residual(mechanism, state, t, angles), *errors]) / rows
+        if not residual.any():
+            yield NewtonIterate(state, residual, residual, longest, scale)
+            return
+        jacobian = _jacobian(mechanism, state, held, t, angles) * columns / rows[:, None]
+        step = np.linalg.lstsq(jacobian, -residual, rcond=RANK_TOLERANCE)[0]
+        yield NewtonIterate(state, residual, residual + jacobian @ step, longest, scale)
+        longest = largest_residual(columns * step)
+        scale = min(1.0, 1.0 / max(largest_residual(step), 1e-300))
+        state = move(state, scale * columns * step)
 
 
-def _jacobian(mechanism: Mechanism, state: State, held: HeldCoordinates, t: float) -> Array:
+def row_lengths(mechanism: Mechanism, held: HeldCoordinates) -> Array:
+    """Return the sizes of all holonomic rows and of the held coordinates: the characteristic length, or one."""
+    return np.concatenate([row_sizes(mechanism)[: mechanism.holonomic_count], _held_sizes(mechanism, held)])
+
+
+def _jacobian(
+    mechanism: Mechanism, state: State, held: HeldCoordinates, t: float, angles: Angles | None = None
+) -> Array:
     rows = [scatter(mechanism, joint, held_rows(mechanism, state, joint, name)) for joint, name, _ in held]
-    return np.vstack([constraint_jacobian(mechanism, state, t=t)[: mechanism.holonomic_count], *rows])
+    return np.vstack([constraint_jacobian(mechanism, state, t=t, angles=angles)[: mechanism.holonomic_count], *rows])
 
 
 def _held_sizes(mechanism: Mechanism, held: HeldCoordinates) -> Array:
@@ -221,27 +262,19 @@ def assemble_positions(
         No solution; the message names the constraint that stays violated, or the joint that closes flipped over.
     """
     held = held or []
-    rows = np.concatenate([row_sizes(mechanism)[: mechanism.holonomic_count], _held_sizes(mechanism, held)])
-    columns, state = velocity_sizes(mechanism), guess
-    residual = _residual(mechanism, state, held, t) / rows
-    error = largest_residual(residual)
-    iterations = MAX_ITERATIONS + int(min(error, LONGEST_WAY))
-    for _ in range(iterations):
-        if error == 0.0:
+    rows, state, before = row_lengths(mechanism, held), guess, np.inf
+    for n, found in enumerate(newton_iterates(mechanism, guess, held, t)):
+        error = largest_residual(found.residual)
+        if n == 0:
+            iterations = MAX_ITERATIONS + int(min(error, LONGEST_WAY))
+            if largest_residual(found.left) > _DRAWN:
+                _refuse_dead_centre(mechanism, guess, held, t, found.left * rows)
+        if before < CONVERGED and error >= before:
             break
-        jacobian = _jacobian(mechanism, state, held, t) * columns / rows[:, None]
-        step = np.linalg.lstsq(jacobian, -residual, rcond=RANK_TOLERANCE)[0]
-        left = residual + jacobian @ step
-        if state is guess and largest_residual(left) > _DRAWN:
-            _refuse_dead_centre(mechanism, guess, held, t, left * rows)
-        # beyond a radian or so the linear model is meaningless
-        step *= min(1.0, 1.0 / max(largest_residual(step), 1e-300))
-        trial = move(state, columns * step)
-        trial_residual = _residual(mechanism, trial, held, t) / rows
-        if error < CONVERGED and largest_residual(trial_residual) >= error:
+        state, residual, before = found.state, found.residual, error
+        if n == iterations:
             break
-        state, residual, error = trial, trial_residual, largest_residual(trial_residual)
-    if error > CONVERGED * max(1.0, largest_residual(state.p_WB) / characteristic_length(mechanism)):
+    if before > CONVERGED * max(1.0, largest_residual(state.p_WB) / characteristic_length(mechanism)):
         worst = int(np.argmax(np.abs(residual)))
         raise CannotAssemble(
             f"mechanism '{mechanism.name}': {row_names(mechanism, held, velocities=False)[worst]}",

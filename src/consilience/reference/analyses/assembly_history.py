@@ -16,17 +16,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from consilience.errors import CannotAssemble
-from consilience.mechanism import Mechanism, State
+from consilience.mechanism import Mechanism, State, characteristic_length
 from consilience.mechanism.assembly import (
     CONVERGED,
     MAX_ITERATIONS,
     held_coordinates,
     largest_residual,
-    linear_system,
+    newton_iterates,
     refuse_flipped,
+    row_lengths,
     row_names,
 )
-from consilience.reference.analyses.placing import newton_iterates
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Iteration:
     step : float
         Largest component (m and rad) of the Newton step to this iterate before shortening; 0 for the guess.
     scale : float
-        Fraction of the step taken: below 1 if the step exceeded a metre or a radian.
+        Fraction of the step taken: below 1 if the step exceeded a characteristic length or a radian.
     """
 
     number: int
@@ -101,22 +101,30 @@ def assemble_with_history(
     held = held_coordinates(mechanism, emphasised or {}, "emphasised")
     names = row_names(mechanism, held, velocities=False)
     history: list[Iteration] = []
-    iterates = newton_iterates(guess, lambda state: linear_system(mechanism, state, held, 0.0))
-    for found in islice(iterates, MAX_ITERATIONS + 1):
+    rows, before = row_lengths(mechanism, held), np.inf
+    for found in islice(newton_iterates(mechanism, guess, held), MAX_ITERATIONS + 1):
         error = largest_residual(found.residual)
-        if history and history[-1].largest < CONVERGED and error >= history[-1].largest:
+        if before < CONVERGED and error >= before:
             break
-        state = found.state
-        worst = names[int(np.argmax(np.abs(found.residual)))] if names else "none"
-        norm = float(np.linalg.norm(found.residual))
-        history.append(Iteration(len(history), norm, error, worst, found.step, found.scale))
-        if error == 0.0:
-            break
-    return Assembly(state, tuple(history), _failure(mechanism, state, history[-1]))
+        state, before, residual = found.state, error, found.residual * rows
+        worst = int(np.argmax(np.abs(residual))) if names else 0
+        norm, name = float(np.linalg.norm(residual)), names[worst] if names else "none"
+        history.append(Iteration(len(history), norm, largest_residual(residual), name, found.step, found.scale))
+    return Assembly(state, tuple(history), _failure(mechanism, state, before, history[-1]))
 
 
-def _failure(mechanism: Mechanism, state: State, last: Iteration) -> CannotAssemble | None:
-    if last.largest > CONVERGED * max(1.0, largest_residual(state.p_WB)):
+def _failure(mechanism: Mechanism, state: State, error: float, last: Iteration) -> CannotAssemble | None:
+    """Return why the last iterate is no assembled state, if so.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    state : State
+    error : float
+        Largest row, in units of its size.
+    last : Iteration
+    """
+    if error > CONVERGED * max(1.0, largest_residual(state.p_WB) / characteristic_length(mechanism)):
         return CannotAssemble(
             f"mechanism '{mechanism.name}': {last.worst}",
             f"it stays violated by {last.largest:.3g} after {last.number} iterations",

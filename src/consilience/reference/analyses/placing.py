@@ -6,66 +6,34 @@ from given values of the joint coordinates.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Mapping
 from itertools import islice
-from typing import NamedTuple
 
 import numpy as np
 
 from consilience.errors import CannotAssemble, InvalidInput
 from consilience.mechanism import (
-    RANK_TOLERANCE,
     Array,
     Mechanism,
     State,
     assemble_positions,
+    characteristic_length,
     constraint_gamma,
     constraint_jacobian,
-    constraint_residual,
-    move,
 )
 from consilience.mechanism.assembly import (
     CONVERGED,
     MAX_ITERATIONS,
     HeldCoordinates,
-    held_error,
-    held_rows,
     largest_residual,
+    newton_iterates,
     refuse_flipped,
+    row_lengths,
     row_names,
 )
-from consilience.mechanism.joint_rows import scatter
 from consilience.reference.analyses.joint_rows import JointCoordinate
 
 CoordinateValues = Mapping[JointCoordinate, Array]
-
-
-class NewtonIterate(NamedTuple):
-    """Iterate of an assembly: pose, residual of all rows, and the step to the pose before it was shortened."""
-
-    state: State
-    residual: Array
-    step: float  # largest component, m and rad
-    scale: float  # fraction of the step taken
-
-
-def newton_iterates(state: State, linear_system: Callable[[State], tuple[Array, Array]]) -> Iterator[NewtonIterate]:
-    """Yield a guess and the iterates of Newton's method, by least-norm steps of at most a metre and a radian.
-
-    Parameters
-    ----------
-    state : State
-        Guess.
-    linear_system : function of a state to residual, shape (q,), and Jacobian, shape (q, 6 n_b)
-    """
-    longest, scale = 0.0, 1.0
-    while True:
-        residual, jacobian = linear_system(state)
-        yield NewtonIterate(state, residual, longest, scale)
-        step = np.linalg.lstsq(jacobian, -residual, rcond=RANK_TOLERANCE)[0]
-        longest = largest_residual(step)
-        scale = min(1.0, 1.0 / max(longest, 1e-300))
-        state = move(state, scale * step)
 
 
 def _angles(values: CoordinateValues) -> dict[str, float]:
@@ -102,23 +70,17 @@ def place(mechanism: Mechanism, guess: State, held: CoordinateValues, near: Coor
         return assemble_positions(mechanism, guess, wanted)
     angles = _angles(near)
 
-    def linear_system(state: State) -> tuple[Array, Array]:
-        errors = [held_error(mechanism, state, *one) for one in wanted]
-        rows = [scatter(mechanism, j, held_rows(mechanism, state, j, c)) for j, c, _ in wanted]
-        residual = np.concatenate([constraint_residual(mechanism, state, angles=angles), *errors])
-        return residual, np.vstack([constraint_jacobian(mechanism, state, angles=angles), *rows])
-
-    before = np.inf
-    for found in islice(newton_iterates(guess, linear_system), MAX_ITERATIONS):
+    before, rows = np.inf, row_lengths(mechanism, wanted)
+    for found in islice(newton_iterates(mechanism, guess, wanted, angles=angles), MAX_ITERATIONS):
         state, residual, error = found.state, found.residual, largest_residual(found.residual)
-        if error == 0.0 or (before < CONVERGED and error >= before):
+        if before < CONVERGED and error >= before:
             break
         before = error
-    if error > 10.0 * CONVERGED * max(1.0, largest_residual(state.p_WB)):
+    if error > 10.0 * CONVERGED * max(1.0, largest_residual(state.p_WB) / characteristic_length(mechanism)):
         worst = int(np.argmax(np.abs(residual)))
         raise CannotAssemble(
             f"mechanism '{mechanism.name}': {row_names(mechanism, wanted, velocities=False)[worst]}",
-            f"it stays violated by {error:.3g} after {MAX_ITERATIONS} iterations",
+            f"it stays violated by {abs(residual[worst] * rows[worst]):.3g} after {MAX_ITERATIONS} iterations",
             "Draw the mechanism closer to an assembled pose, or drive fewer or other joint coordinates.",
         )
     refuse_flipped(mechanism, state)
