@@ -178,7 +178,9 @@ def test_near_singular_coordinates_are_a_reason_for_rounding_but_not_for_errors(
     mechanism = chain("free", seed=3)
     (state,) = states_of(mechanism, 1)
     angle = np.pi - 4e-3
-    turned = replace(state, quat_WB=np.array([[np.cos(angle / 2), np.sin(angle / 2), 0.0, 0.0]]))
+    turned = replace(
+        state, quat_WB=np.array([[np.cos(angle / 2), np.sin(angle / 2), 0.0, 0.0]]), w_WB_W=np.array([[2.0, -3.0, 1.5]])
+    )
     wrong, make = "descriptor_rodrigues_parameters", registry.formulation
 
     def broken(name, mechanism):

@@ -645,17 +645,19 @@ def test_energy_changes_by_the_work_of_dampers_and_loads(formulation):
 
 
 @functools.cache
-def swinging(tolerance, samples=2):
+def swinging(tolerance, samples=2, state=0):
     mechanism = chain("revolute", "spherical", "universal", seed=62)
-    return simulate(mechanism, states_of(mechanism)[0], np.linspace(0.0, 1.0, samples), tolerance)
+    return simulate(mechanism, states_of(mechanism, 12)[state], np.linspace(0.0, 1.0, samples), tolerance)
 
 
 def test_error_is_proportional_to_the_tolerance():
-    best = swinging(1e-14)
-    tolerances = np.array([1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11])
-    errors = np.array([np.max(np.abs(swinging(t).p_WB[-1] - best.p_WB[-1])) for t in tolerances])
+    """In the mean over twelve states: at the end of a single motion errors of its steps may cancel."""
+    tolerances, errors = np.array([1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11]), []
+    for state in range(12):
+        best = swinging(1e-14, state=state).p_WB[-1]
+        errors.append([np.max(np.abs(swinging(t, state=state).p_WB[-1] - best)) for t in tolerances])
     assert np.all(errors < 10 * tolerances)
-    slope = np.polyfit(np.log10(tolerances), np.log10(errors), 1)[0]
+    slope = np.polyfit(np.log10(tolerances), np.mean(np.log10(errors), axis=0), 1)[0]
     assert slope == pytest.approx(1.0, abs=0.2)
 
 
