@@ -94,6 +94,7 @@ def fragments(view: Page, replays: Replays, drawings: set[str]) -> Iterator[tupl
     get = environment().get_template
     tables = get("tables.html.j2").module
     yield "findings", tables.findings(view)  # type: ignore[attr-defined]
+    yield "choice", tables.choice(view.choice, CAPTIONS)  # type: ignore[attr-defined]
     yield "defaults", tables.defaults(view.defaults)  # type: ignore[attr-defined]
     for table in view.tables:
         yield table.anchor, tables.methods(table)  # type: ignore[attr-defined]

@@ -7,6 +7,7 @@ from typing import Any
 
 from consilience.compare.horizon import EPS
 from consilience.report.cases import case_figures
+from consilience.report.choice import choice_figure
 from consilience.report.figure import (
     COLOURS,
     DASHES,
@@ -28,7 +29,8 @@ from consilience.report.wording import anchor, level_text
 
 def figures(record: Record) -> dict[str, Figure]:
     """Draw all figures of a record, by the identifier of their place on the page."""
-    found: dict[str, Figure] = {}
+    choice = choice_figure(record)
+    found: dict[str, Figure] = {"figure.choice": choice} if choice["data"] else {}
     for case in record.cases:
         name, motions = case["name"], record.motions(case["name"])
         found |= {anchor(kind, name): OF_CASE[kind](record, case) for kind in case_figures(record, case)}

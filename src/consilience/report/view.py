@@ -16,6 +16,7 @@ from consilience.compare.judge import REFERENCE
 from consilience.report.answers import AnswerView
 from consilience.report.cases import CaseView, case_view
 from consilience.report.cells import Cell
+from consilience.report.choice import Choice, choice_view
 from consilience.report.defaults import Defaults, defaults_view
 from consilience.report.engines import EngineView, Group, engine_view
 from consilience.report.facts import Fact
@@ -51,6 +52,7 @@ class Page:
     look_first: LookFirst
     rows: tuple[MatrixRow, ...]
     cases: tuple[CaseView, ...]
+    choice: Choice
     defaults: Defaults
     tables: tuple[MethodTable, ...]
     engines: tuple[EngineView, ...]
@@ -98,6 +100,7 @@ def page(record: Record) -> Page:
     every = [cell for case in cases for cell in case.cells]
     told, *sentences = (f"{sentence[0].upper()}{sentence[1:]}." for sentence in headline(record))
     code, quick = record.footer["exit_code"], bool(record.header.get("quick"))
+    views = tuple(_engine(name, engines[name], every) for name in names if name != REFERENCE)
     return Page(
         headline=told,
         sentences=tuple(sentences),
@@ -113,9 +116,10 @@ def page(record: Record) -> Page:
         look_first=look_first_view([cell for cell in every if cell.engine in columns], labels),
         rows=rows,
         cases=cases,
+        choice=choice_view(record, views),
         defaults=defaults_view(every, quick),
         tables=method_tables(every, quick),
-        engines=tuple(_engine(name, engines[name], every) for name in names if name != REFERENCE),
+        engines=views,
         questions=tuple(str(q) for q in record.header["questions"]),
     )
 

@@ -220,6 +220,8 @@ PROFILES: dict[str, str] = {Profile.MATCHED: "matched", Profile.DEFAULT: "engine
 """Words for the settings that a method runs with."""
 
 CAPTIONS: dict[str, str] = {
+    "choice": "The best motion of each case with matched settings: digits at its finest level over CPU time. Upper "
+    "left is better. One colour an engine; hollow: by the harness's integrator. Classes by the tags of the cases.",
     "difference": "Difference to the reference over time: position over the size of the motion, or angle in rad, "
     "whichever is larger. One colour a method, one dash a level, the finest solid. Dotted, level: the band of the "
     "finest level, and in grey the uncertainty of the reference. Shaded: past the horizon, not judged.",

@@ -1,0 +1,130 @@
+"""Which engine for which work: digits and CPU time by class of mechanism, digits at defaults, missing features."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from html import escape
+from statistics import median
+from typing import Any
+
+from consilience.compare.judge import REFERENCE
+from consilience.report.annotations import is_own
+from consilience.report.engines import EngineView
+from consilience.report.figure import COLOURS, MARKERS, Figure, log_axis
+from consilience.report.record import Record
+from consilience.report.selection import is_matched
+from consilience.report.wording import DASH, anchor, digits_text, number
+
+CLASSES = (("contact", "impact"), ("stiff", "stiff"), ("loop", "loop"), ("tree", ""))
+"""Classes of mechanisms, and the tag of their cases; the first that holds, and `tree` without any."""
+
+
+@dataclass(frozen=True)
+class ClassRow:
+    """Medians of an engine over the cases of a class: cases, digits, CPU time, digits at defaults."""
+
+    engine: str
+    anchor: str
+    name: str
+    values: tuple[str, str, str, str]
+
+
+@dataclass(frozen=True)
+class MissingFeature:
+    """A feature that an engine does not represent, with the reason of its adapter, and the number of cases."""
+
+    engine: str
+    anchor: str
+    reason: str
+    count: int
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The section: rows by engine and class, and missing features."""
+
+    rows: tuple[ClassRow, ...]
+    missing: tuple[MissingFeature, ...]
+
+
+def class_of(case: dict[str, Any]) -> str:
+    """Return the class of a case by its tags."""
+    return next(name for name, tag in CLASSES if not tag or tag in case["tags"])
+
+
+def choice_view(record: Record, engines: Sequence[EngineView]) -> Choice:
+    """Make the view of all motions and refusals of a record."""
+    missing = [
+        MissingFeature(engine.name, engine.anchor, group.text, len(group.cells))
+        for engine in engines
+        for group in engine.unsupported
+    ]
+    return Choice(tuple(_rows(record)), tuple(missing))
+
+
+def best_motions(record: Record, engine: str, matched: bool) -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:
+    """List each case with the motion of an engine that has the most digits, at matched settings or at defaults."""
+    for case in record.cases:
+        own = [c for c in record.motions(case["name"]) if c["engine"] == engine and is_matched(c) is matched]
+        judged = [c for c in own if c["digits"] is not None]
+        if judged:
+            yield case, max(judged, key=lambda c: float(c["digits"]))
+
+
+def _rows(record: Record) -> Iterator[ClassRow]:
+    for engine in (name for name in record.header["engines"] if name != REFERENCE):
+        best, stock = (list(best_motions(record, engine, matched)) for matched in (True, False))
+        for name, _ in CLASSES:
+            own = [(case, c) for case, c in best if class_of(case) == name]
+            if own:
+                at_defaults = [c["digits"] for case, c in stock if class_of(case) == name]
+                values = (
+                    str(len(own)),
+                    digits_text(median(c["digits"] for _, c in own)),
+                    number(median(_cost(case, c) for case, c in own)),
+                    digits_text(median(at_defaults)) if at_defaults else DASH,
+                )
+                yield ClassRow(engine, anchor("page", "engine", engine), name, values)
+
+
+def _cost(case: dict[str, Any], motion: dict[str, Any]) -> float:
+    """Return the CPU time of the finest level of a motion over its duration."""
+    return float(motion["levels"][-1]["cpu"] / case["duration"])
+
+
+def choice_figure(record: Record) -> Figure:
+    """Draw digits over CPU time, a panel for each class, a marker for each case, in the colour of its engine."""
+    engines = list(record.header["engines"])
+    layout: Figure = {"height": 90 + 210 * len(CLASSES), "shapes": [], "annotations": []}
+    layout["xaxis"] = log_axis("CPU time over simulated time") | {"anchor": f"y{len(CLASSES)}"}
+    traces, named = [], set[str]()
+    for k, (name, _) in enumerate(CLASSES):
+        axis, top = "" if k == 0 else str(k + 1), 1.0 - k / len(CLASSES)
+        domain = [top - 0.85 / len(CLASSES), top - 0.12 / len(CLASSES)]
+        layout[f"yaxis{axis}"] = {"domain": domain, "title": {"text": "digits"}, "rangemode": "tozero"}
+        place = {"xref": "paper", "x": 0, "xanchor": "left", "yref": "paper", "y": top, "yanchor": "top"}
+        layout["annotations"].append({"text": name, "showarrow": False, **place})
+        for n, engine in enumerate(engines):
+            found = [(case, c) for case, c in best_motions(record, engine, True) if class_of(case) == name]
+            if engine == REFERENCE or not found:
+                continue
+            symbol = MARKERS[n % len(MARKERS)]
+            look = {"color": COLOURS[n % len(COLOURS)], "size": 8}
+            traces.append(
+                {
+                    "type": "scatter",
+                    "mode": "markers",
+                    "x": [float(f"{_cost(case, c):.3g}") for case, c in found],
+                    "y": [round(c["digits"], 2) for _, c in found],
+                    "text": [escape(f"{case['name']}: {c['method']}") for case, c in found],
+                    "name": escape(engine),
+                    "legendgroup": escape(engine),
+                    "showlegend": engine not in named,
+                    "yaxis": f"y{axis}",
+                    "marker": look | {"symbol": [symbol if is_own(c) else f"{symbol}-open" for _, c in found]},
+                    "hovertemplate": "%{text}<br>%{x:.2g}, %{y:.1f} digits",
+                }
+            )
+            named.add(engine)
+    return {"data": traces, "layout": layout}
