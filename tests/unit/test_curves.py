@@ -91,7 +91,7 @@ def test_a_colour_is_an_engine_and_grey_the_reference():
     answer, _ = simulate_case(densely_sampled(case), "reference", 60.0)
     found = next(curve_sets(case.mechanism, answer, ["reactions"]))
     joint = case.mechanism.joints[0].name
-    series = {"force": [[1.0, 2.0]], "torque": [[0.0, 0.0]], "drift": [0.0, 0.0]}
+    series = {"force": [[1e-20, 2.0]], "torque": [[0.0, 0.0]], "drift": [0.0, 0.0]}
     along = {"times": [0.0, 1.0], "joints": [joint], "engines": {"reference": series, "one": series, "two": series}}
     figure = motion_figure(found, along, ["reference", "one", "two"])
     colours = {}
@@ -101,6 +101,7 @@ def test_a_colour_is_an_engine_and_grey_the_reference():
     assert colours["reference"] == {GREY}
     assert len({next(iter(c)) for c in colours.values()}) == len(colours) == 3
     assert sum(trace["showlegend"] for trace in figure["data"]) == 3
+    assert [t["y"] for t in figure["data"] if t["mode"] == "markers"] == [[0.0, 2.0]] * 2
 
 
 def test_a_method_and_a_profile_are_chosen_by_name():

@@ -96,12 +96,15 @@ def _cost(case: dict[str, Any], motion: dict[str, Any]) -> float:
 def choice_figure(record: Record) -> Figure:
     """Draw digits over CPU time, a panel for each class, a marker for each case, in the colour of its engine."""
     engines = list(record.header["engines"])
-    layout: Figure = {"height": 90 + 210 * len(CLASSES), "shapes": [], "annotations": []}
-    layout["xaxis"] = log_axis("CPU time over simulated time") | {"anchor": f"y{len(CLASSES)}"}
+    moved = {class_of(case) for case in record.cases for _ in record.motions(case["name"])}
+    classes = [name for name, _ in CLASSES if name in moved]
+    count = len(classes)
+    layout: Figure = {"height": 90 + 210 * count, "shapes": [], "annotations": []}
+    layout["xaxis"] = log_axis("CPU time over simulated time") | {"anchor": f"y{count}" if count > 1 else "y"}
     traces, named = [], set[str]()
-    for k, (name, _) in enumerate(CLASSES):
-        axis, top = "" if k == 0 else str(k + 1), 1.0 - k / len(CLASSES)
-        domain = [top - 0.85 / len(CLASSES), top - 0.12 / len(CLASSES)]
+    for k, name in enumerate(classes):
+        axis, top = "" if k == 0 else str(k + 1), 1.0 - k / count
+        domain = [top - 0.85 / count, top - 0.12 / count]
         layout[f"yaxis{axis}"] = {"domain": domain, "title": {"text": "digits"}, "rangemode": "tozero"}
         place = {"xref": "paper", "x": 0, "xanchor": "left", "yref": "paper", "y": top, "yanchor": "top"}
         layout["annotations"].append({"text": name, "showarrow": False, **place})

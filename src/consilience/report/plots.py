@@ -51,7 +51,7 @@ def horizon(record: Record, case: dict[str, Any]) -> Figure:
         "y": compact([EPS * g for g in comparison["growth"]]),
         "name": "one rounding error, grown",
         "mode": "lines",
-        "line": {"color": COLOURS[0], "width": 1.8},
+        "line": {"color": GREY, "width": 1.8},
         "hovertemplate": "%{x:.3g} s: %{y:.2e}",
     }
     found = figure([grown, *_uncertainty(comparison)], TIME, "difference to the reference")

@@ -9,8 +9,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 from typing import Any
 
+import numpy as np
+
 from consilience.compare.judge import REFERENCE
-from consilience.report.curves import CurveSet
+from consilience.report.curves import FLOOR, CurveSet
 from consilience.report.figure import COLOURS, GREY, MARKERS, TIME, Figure, figure, log_axis
 from consilience.report.record import Record
 from consilience.report.wording import anchor
@@ -47,7 +49,10 @@ def motion_figure(curves: CurveSet, along: dict[str, Any] | None, engines: Seque
         place = {"xref": "paper", "x": 0, "xanchor": "left", "yref": "paper", "y": top, "yanchor": "top"}
         layout["annotations"].append({"text": title, "showarrow": False, **place})
         traces += _lines(curves, own, f"y{axis}")
-        traces += _markers(along or {}, panel, f"y{axis}", engines)
+        units = [name.unit == curves.names[own[0]].unit for name in curves.names]
+        traces += _markers(
+            along or {}, panel, f"y{axis}", engines, FLOOR * float(np.max(np.abs(curves.values[:, units])))
+        )
     if curves.panels > count:
         layout["xaxis"]["title"] = {"text": f"time in s; the first {count} of {curves.panels} panels"}
     named = set[str]()
@@ -72,8 +77,8 @@ def _lines(curves: CurveSet, own: Sequence[int], axis: str) -> Iterator[Figure]:
         }
 
 
-def _markers(along: dict[str, Any], panel: str, axis: str, engines: Sequence[str]) -> Iterator[Figure]:
-    """Draw a reaction on the engines at their samples, in the colours of the engines."""
+def _markers(along: dict[str, Any], panel: str, axis: str, engines: Sequence[str], rounding: float) -> Iterator[Figure]:
+    """Draw a reaction on the engines at their samples, in the colours of the engines; zero where it is rounding."""
     joint, _, part = panel.rpartition(": ")
     if part not in ("force", "torque") or joint not in along.get("joints", ()):
         return
@@ -83,7 +88,7 @@ def _markers(along: dict[str, Any], panel: str, axis: str, engines: Sequence[str
             k = engines.index(engine)
             yield {
                 "x": along["times"],
-                "y": series[part][n],
+                "y": [0.0 if v is not None and abs(v) < rounding else v for v in series[part][n]],
                 "name": escape(engine),
                 "yaxis": axis,
                 "mode": "markers",

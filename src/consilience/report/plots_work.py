@@ -6,7 +6,8 @@ from collections.abc import Callable
 from html import escape
 from typing import Any
 
-from consilience.report.figure import COLOURS, MARKERS, Figure, add_asked, compact, figure, log_axis, title_of
+from consilience.compare.judge import REFERENCE
+from consilience.report.figure import COLOURS, GREY, MARKERS, Figure, add_asked, compact, figure, log_axis, title_of
 from consilience.report.record import Record
 from consilience.report.selection import is_matched, judged_largest, mean_step, method_of
 from consilience.report.wording import level_text, order_text
@@ -54,7 +55,7 @@ def _precision(
         placed = [(x, level) for level in comparison["levels"] if (x := abscissa(level, method))]
         if not placed:
             continue
-        colour = COLOURS[engines.index(engine) % len(COLOURS)]
+        colour = GREY if engine == REFERENCE else COLOURS[engines.index(engine) % len(COLOURS)]
         stated = orders and method.get("substeps") and comparison["order"] is not None
         own = f", order {order_text(comparison['order'])}" if stated else ""
         traces.append(
