@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+import xml.etree.ElementTree as ET
 from importlib.metadata import version
 from pathlib import Path
 from types import SimpleNamespace as Namespace
@@ -108,6 +109,7 @@ BAD = {
     "unknown case of a report": (["plot", "report", "pendlum"], "pendlum", "Nearest: pendulum."),
     "words that no case has": (["list", "gear_par"], "gear_par", "Nearest: gear_pair"),
     "missing file": (["run", "no.toml"], "no.toml", "cannot be read"),
+    "unknown profile": (["simulate", "pendulum.toml", "--profile", "defualt"], "defualt", "Nearest: default."),
     "bad file ending": (["simulate", "pendulum.toml", "-o", "x.xls"], "x.xls", ".npz"),
     "sample that does not divide": (
         ["simulate", "pendulum.toml", "-o", "x.csv", "--duration", "1", "--sample", "0.3"],
@@ -183,6 +185,19 @@ def test_simulate_writes_the_same_motion_in_all_formats(folder):
     speed = arrays["w_WB_W"][-1, 0, 1]
     mgl, inertia = 2.0 * 9.81 * 0.4, 0.12 + 2.0 * 0.4**2
     assert 0.5 * inertia * speed**2 == pytest.approx(mgl * (np.cos(angle) - np.cos(0.5)), rel=1e-9)
+
+
+def test_motions_are_plotted_from_a_report_and_by_simulate(folder):
+    done = consilience("plot", "report", "pendulum", "--what", "reactions", "-o", "peak.svg", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    arguments = ("--duration", "0.1", "--method", "null_space", "-o", "motion.json", "--plot", "drawn.svg")
+    done = consilience("simulate", "pendulum.toml", *arguments, "-f", "json", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert told["how"].startswith("null_space")
+    assert {"drawn-coordinates.svg", "drawn-energies.svg", "drawn-reactions.svg"} <= set(told["plots"])
+    for name in ("peak.svg", *told["plots"]):
+        assert ET.parse(folder / name).getroot().tag.endswith("svg")
 
 
 def test_schema_accepts_the_shipped_names(folder):

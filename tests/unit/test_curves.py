@@ -101,7 +101,7 @@ def test_a_colour_is_an_engine_and_grey_the_reference():
     assert colours["reference"] == {GREY}
     assert len({next(iter(c)) for c in colours.values()}) == len(colours) == 3
     assert sum(trace["showlegend"] for trace in figure["data"]) == 3
-    assert [t["y"] for t in figure["data"] if t["mode"] == "markers"] == [[0.0, 2.0]] * 2
+    assert [t["y"] for t in figure["data"] if t["mode"] == "markers" and t["yaxis"] == "y"] == [[0.0, 2.0]] * 2
 
 
 def test_a_method_and_a_profile_are_chosen_by_name():
