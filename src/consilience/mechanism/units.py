@@ -66,12 +66,12 @@ def characteristic_length(mechanism: Mechanism) -> float:
     return max(lengths) or max(float(np.sqrt(np.linalg.norm(b.inertia, 2) / b.mass)) for b in mechanism.bodies)
 
 
-def own_units(mechanism: Mechanism) -> Units:
-    """Return the units nearest to characteristic length and total mass whose factors are powers of two, and the second.
+def own_units(mechanism: Mechanism, time: float = 1.0) -> Units:
+    """Return the units nearest to characteristic length, total mass and a time, s, whose factors are powers of two.
 
     With these a conversion rounds nothing.
     """
-    sizes = characteristic_length(mechanism), sum(b.mass for b in mechanism.bodies)
+    sizes = characteristic_length(mechanism), sum(b.mass for b in mechanism.bodies), time
     return Units(*(float(2.0 ** -np.round(np.log2(size))) for size in sizes))
 
 

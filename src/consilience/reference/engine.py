@@ -46,6 +46,9 @@ _IMPACTS = "descriptor, impacts"
 _LADDER = (1e-9, 1e-10, 1e-11)
 """Tolerances of a formulation that is named."""
 
+_ORDINARY = (5e-2, 1e2)
+"""Durations in s of motions for which the second is a good unit."""
+
 _SUBSTEPS = (4, 8, 16)
 """Steps per sample interval of a formulation with constant steps."""
 
@@ -57,8 +60,8 @@ _in_units = lru_cache(maxsize=8)(in_units)
 class ReferenceEngine:
     """Reference engine: relative joint coordinates for motions, descriptor form at instants, and a check of each.
 
-    Mechanisms are computed in their own units of length and mass (`own_units`), so that tolerances and ranks do not
-    depend on those of a case.
+    Mechanisms are computed in their own units of length and mass (`own_units`), and very short and very long motions in
+    units of their time, so that tolerances and ranks do not depend on the units of a case.
 
     Parameters
     ----------
@@ -146,10 +149,22 @@ class ReferenceEngine:
         if mechanism.contacts:  # lengths and speeds are relative there, and messages name them
             return simulate_with_impacts(mechanism, state, np.asarray(times), mechanism.contacts, step)[0]
         refuse_steep_friction(mechanism)  # here, because the message names a speed
-        units = own_units(mechanism)
-        own, start = _in_units(mechanism, *units), units.convert(state)
+        units = own_units(mechanism, _unit_of_time(times))
+        own, start, grid = _in_units(mechanism, *units), units.convert(state), np.asarray(times) * units.time
         formulation, integrator, _ = _OTHER.get(method.name, (method.name, None, ()))
-        return units.inverse.convert(simulate(own, start, np.asarray(times), step, formulation, integrator))
+        step = step * units.time if method.substeps else step
+        try:
+            found = simulate(own, start, grid, step, formulation, integrator)
+        except NumericalFailure as error:
+            note = "" if units.time == 1.0 else f" (in units of {1.0 / units.time:g} s)"
+            raise NumericalFailure(f"{error}{note}") from None
+        return replace(units.inverse.convert(found), time=np.asarray(times))
+
+
+def _unit_of_time(times: Array) -> float:
+    """Return the unit of time of a motion, s: the second, or for a very short or very long motion a quarter of it."""
+    duration = float(times[-1] - times[0])
+    return 1.0 if duration == 0.0 or _ORDINARY[0] <= duration <= _ORDINARY[1] else duration / 4.0
 
 
 def _motion(name: str, tolerances: tuple[float, ...]) -> Method:
