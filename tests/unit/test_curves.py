@@ -1,16 +1,19 @@
 """Curves of a motion: drawn extremes are those of the motion, or say how far they may be off."""
 
+import json
+
 import numpy as np
 import pytest
 
 import consilience as cs
 from consilience.case import load_case
-from consilience.engine import TrajectoryAnswer
+from consilience.engine import Question, TrajectoryAnswer
 from consilience.errors import InvalidInput
 from consilience.report.curves import KEPT, CurveSet, curve_sets, thinned
 from consilience.report.figure import GREY
 from consilience.report.plots_replay import motion_figure
-from consilience.suite import densely_sampled, simulate_case
+from consilience.report.replay import replays
+from consilience.suite import QUICK, densely_sampled, run_suite, simulate_case
 from mechanisms import chain
 
 
@@ -110,3 +113,14 @@ def test_a_method_and_a_profile_are_chosen_by_name():
     assert how.startswith("null_space")
     with pytest.raises(InvalidInput, match=r"no method 'nullspace'.*Methods: relative"):
         simulate_case(case, "reference", 60.0, method="nullspace")
+
+
+def test_a_report_draws_the_dense_motion_of_the_reference():
+    """Samples of 0.5 s miss the peak of ``3 m g``; the curve of the report has it."""
+    case = load_case("simple_pendulum-large")
+    case = case.with_span(0.5 * int(case.duration / 0.5), 0.5)
+    results = run_suite([case], [], [Question.TRAJECTORY], thoroughness=QUICK)
+    found = json.loads(replays(results.cases, results.runs, results.dense))["cases"][0]["curves"]
+    (reactions,) = [CurveSet.of(one) for one in found if one["what"] == "reactions"]
+    mass, g = case.mechanism.bodies[0].mass, np.linalg.norm(case.mechanism.gravity)
+    assert np.max(reactions.values[:, 0]) == pytest.approx(3.0 * mass * g, rel=0.01)
