@@ -39,6 +39,14 @@ def test_a_narrow_peak_is_drawn_at_its_height():
     assert len(found.time) < 200
 
 
+def test_a_peak_between_the_first_samples_is_found_where_velocities_change_most():
+    """A bell of 1 ms between samples of 8 ms, on samples of 1 ms: the largest of them is drawn, and marked as open."""
+    answer = passing(1025, 0.001)
+    found = velocities(answer)
+    assert np.max(found.values[:, 0]) == np.max(answer.v_WB_W[:, 0, 0]) > 2000.0
+    assert found.marks
+
+
 def test_a_peak_that_the_samples_do_not_settle_is_marked():
     """Samples of 25 ms, a bell of 20 ms: the largest sample is below the height by no more than is said."""
     answer = passing(41, 0.02)

@@ -234,24 +234,31 @@ def _first_stride(answer: TrajectoryAnswer) -> int:
 def _settled(evaluate: Callable[[Array], Array], answer: TrajectoryAnswer, stride: int) -> tuple[Array, Array, Array]:
     """Halve the samples until the extremes settle; return times, values and open changes, as in `CurveSet`."""
     last = len(answer.time) - 1
-    samples = np.append(np.arange(0, last, stride), last)
+    samples = np.unique([*np.arange(0, last, stride), *_jerks(answer), last])
     values = evaluate(samples)
-    while np.any(_change(values) > SETTLED) and stride > 1:
+    while np.any(_change(values, samples % (4 * stride) == 0) > SETTLED) and stride > 1:
         stride //= 2
         between = np.setdiff1d(np.arange(0, last, stride), samples)
         order = np.argsort(np.concatenate([samples, between]))
         values = np.concatenate([values, evaluate(between)])[order]
         samples = np.concatenate([samples, between])[order]
-    change = _change(values)
+    change = _change(values, samples % (4 * stride) == 0)
     return answer.time[samples], values, np.where(change > SETTLED, change, 0.0)
 
 
-def _change(values: Array) -> Array:
+def _jerks(answer: TrajectoryAnswer) -> Array:
+    """Return the samples at which a body's velocity or angular velocity changes most: forces peak there."""
+    rates = [np.linalg.norm(np.diff(v, axis=0), axis=-1) for v in (answer.v_WB_W, answer.w_WB_W)]
+    peaks = np.concatenate([np.argmax(rate, axis=0) for rate in rates if len(rate)] or [np.zeros(1, dtype=int)])
+    return np.unique(np.minimum([peaks, peaks + 1], len(answer.time) - 1))
+
+
+def _change(values: Array, coarse: Array) -> Array:
     """Return how far the extremes of every fourth sample are from those of all, relative to the largest magnitude.
 
-    Two halvings: one may pass by a narrow peak twice.
+    Two halvings: one may pass by a narrow peak twice. `coarse` tells which samples are every fourth.
     """
-    few = np.concatenate([values[::4], values[-1:]])
+    few = np.concatenate([values[coarse], values[-1:]])
     off = np.maximum(values.max(axis=0) - few.max(axis=0), few.min(axis=0) - values.min(axis=0))
     largest = np.max(np.abs(values), axis=0)
     return np.asarray(np.divide(off, largest, out=np.zeros_like(off), where=largest > 0.0))
