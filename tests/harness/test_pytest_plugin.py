@@ -242,7 +242,7 @@ def test_a_spoilt_case_is_one_message_with_the_field(project):
     result = ask(project, "cases", "note.toml")
     result.assert_outcomes(errors=2)
     result.stdout.fnmatch_lines(
-        ["first.toml: body 'bob': mass: -2.0 kg is not positive. *", "note.toml: title: the field is missing. *"]
+        ["first.toml:13: body 'bob': mass: -2.0 kg is not positive. *", "note.toml: title: the field is missing. *"]
     )
     assert "Traceback" not in result.stdout.str()
 
