@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import consilience as cs
 from consilience.compare import (
     Quantity,
     ReferenceMotion,
@@ -275,6 +276,7 @@ INSTANTS = Instants(
     spin=0.0,
     driven=0.0,
     weights=0.0,
+    swings=0.0,
     bodies=2,
 )
 
@@ -507,3 +509,22 @@ def test_softness_explains_accelerations_and_reactions_and_nothing_else():
     assert compare_instant("c", "e", PLAIN, wrong, ANSWER, INSTANTS, others).verdict is Verdict.MODEL
     pulled = replace(answer, force_F=answer.force_F * 1.001)
     assert compare_instant("c", "e", PLAIN, pulled, ANSWER, INSTANTS, others).verdict is Verdict.REGULARISATION
+
+
+def test_velocities_of_joints_that_cancel_widen_the_bar_of_the_kinetic_energy():
+    """Of a rod about a pin, m v w r / 2 is the energy of translation; of a rod that turns against it, far more."""
+    draw = cs.Drawing("rods", gravity=(0, 0, 0))
+    draw.body("a", cs.bar((0, 0, 0), (2, 0, 0), radius=0.01), mass=1.0)
+    draw.body("b", cs.bar((2, 0, 0), (1.9, 0, 0), radius=0.01), mass=3.0)
+    draw.joint("pin", "revolute", "ground", "a", at=(0, 0, 0), axis=(0, 1, 0))
+    draw.joint("elbow", "revolute", "a", "b", at=(2, 0, 0), axis=(0, 1, 0))
+    mechanism = draw.mechanism()
+    # the elbow moves with 2 m/s, the centre of b with 2 - 0.05 w_b
+    for turning, ratio in ((1.0, 1.0), (38.0, 30.0)):
+        start = cs.Initial(rates={"pin": {"angle": 1.0}, "elbow": {"angle": turning - 1.0}})
+        state = cs.initial_state(mechanism, start)
+        swings = Instants.of(mechanism, [state]).swings
+        v = np.linalg.norm(state.v_WB_W + np.cross(state.w_WB_W, [[1.0, 0, 0], [1.95, 0, 0]]), axis=1)
+        w = np.max(np.linalg.norm(state.w_WB_W, axis=1))
+        assert swings == pytest.approx(0.5 * (1.0 * v[0] * w * 1.0 + 3.0 * v[1] * w * 1.95), rel=1e-12)
+        assert swings >= 0.9 * ratio * 0.5 * (v[0] ** 2 + 3.0 * v[1] ** 2)

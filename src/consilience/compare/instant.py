@@ -40,6 +40,7 @@ from consilience.compare.result import Comparison, Quantity, Verdict, compare_by
 from consilience.compare.softness import SCALES, Softness, of_accelerations
 from consilience.engine import InstantAnswer, Method, ModelAnswer, Question, Route
 from consilience.mechanism import (
+    GROUND,
     Array,
     Mechanism,
     State,
@@ -92,6 +93,9 @@ class Instants:
         Largest acceleration by applied forces that a body would have alone, or by a drive, at the states.
     weights : float, J
         Largest sum of the magnitudes of all potential energies of gravity, about the world origin.
+    swings : float, J
+        Largest kinetic energy with the velocities that the joints between a body and the ground add up: where these
+        cancel, the velocity of the body has their rounding.
     bodies : int
     answers : int
         Number of answers that rounding may put off by a bar: two where a formulation of the reference is compared with
@@ -106,6 +110,7 @@ class Instants:
     spin: float
     driven: float
     weights: float
+    swings: float
     bodies: int
     answers: int = 1
 
@@ -127,6 +132,7 @@ class Instants:
             max(_largest(s.w_WB_W) for s in states),
             max(_driven(mechanism, s) for s in states),
             max(float(np.sum(np.abs(masses * (centres_of_mass(mechanism, s)[0] @ mechanism.gravity)))) for s in states),
+            max(_swings(mechanism, s, masses) for s in states),
             len(mechanism.bodies),
         )
 
@@ -143,6 +149,25 @@ class Instants:
         """Return the magnitude of the inertial forces and weights that reactions may have to bear, N."""
         found = _largest(reference.a_WB_W) + _largest(reference.alpha_WB_W) * self.characteristic_length
         return self.mass * (self.acceleration + found)
+
+
+def _swings(mechanism: Mechanism, state: State, masses: Array) -> float:
+    """Return half the sum of ``m |v| w r``: largest angular velocity w, distance r to the nearest joint on the ground.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    state : State
+    masses : ndarray, shape (n_b,), kg
+    """
+    centres, velocities = centres_of_mass(mechanism, state)
+    sides = [(j.predecessor, j.F.p) for j in mechanism.joints if j.rows]
+    sides += [(j.successor, j.M.p) for j in mechanism.joints if j.rows]
+    places = [p for name, p in sides if name == GROUND]
+    if not places:
+        return 0.0
+    reach = np.min(np.linalg.norm(centres[:, None] - np.array(places), axis=2), axis=1)
+    return 0.5 * float(np.sum(masses * np.linalg.norm(velocities, axis=1) * reach)) * _largest(state.w_WB_W)
 
 
 def _driven(mechanism: Mechanism, state: State) -> float:
@@ -234,7 +259,7 @@ def compare_instant(
     """
     bars = BARS.get(method.route, Bars())
     energies = {"kinetic": _largest(reference.kinetic), "potential": _largest(reference.potential)}
-    most, terms = max(energies.values()), {"kinetic": 0.0, "potential": instants.weights}
+    most, terms = max(energies.values()), {"kinetic": instants.swings, "potential": instants.weights}
     compared = compare_by_bars(
         case,
         engine,
