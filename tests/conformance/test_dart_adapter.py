@@ -215,7 +215,7 @@ def test_the_constraint_parameters_of_the_process_do_not_leak_in(engine):
 
 def test_one_step_of_dart_from_a_state_does_not_know_the_acceleration(engine):
     mechanism = LOOPS["four_bar"]
-    state = states_of(mechanism)[0]
+    state = states_of(mechanism)[1]  # moves at 1 rad/s: the error is one of the velocity term
     stepping = stepper(mechanism, state)
     c = from_state(stepping.model, state)
     set_softness(0.0, CONSTRAINT_FORCE_MIXING)

@@ -220,11 +220,14 @@ def turned_screw() -> Mechanism:
 
 
 def start_of(mechanism: Mechanism) -> State:
-    """Initial state: the turned screw starts more than two turns from its drawing, other mechanisms near theirs."""
+    """Initial state: the turned screw starts more than two turns from its drawing, other mechanisms near theirs.
+
+    `turning` also holds the angle that its drive leaves free, so that the start is no choice of the assembly.
+    """
     if mechanism.name == "turned_screw":
         return initial_state(mechanism, Initial(coordinates={"j0": {"angle": 14.0}}, rates={"j0": {"angle": 3.0}}))
     if mechanism.name == "turning":
-        return initial_state(mechanism, Initial(rates={"j1": {"angle": -11.0}}))
+        return initial_state(mechanism, Initial(coordinates={"j1": {"angle": 0.0}}, rates={"j1": {"angle": -11.0}}))
     return states_of(mechanism)[0]
 
 

@@ -224,12 +224,14 @@ def test_dependent_rows_need_the_proximal_settings():
         for state in states_of(LOOPS[name]):
             q, v = configuration(t, state)
             J, gamma = weld_rows(t, q, v)
-            ours.append(np.max(np.abs(J @ solve(t, Elements(t), method, q, v).a - gamma)) / np.max(np.abs(gamma)))
+            a = solve(t, Elements(t), method, q, v).a
+            # gamma vanishes with the squares of the velocities, the rounding of J a does not
+            ours.append(np.max(np.abs(J @ a - gamma)) / np.max(np.abs(J) @ np.abs(a)))
             tau = np.zeros(t.model.nv)
             a = pin.constraintDynamics(t.model, t.data, q, v, tau, *loops, pin.ProximalSettings())
             default.append(np.max(np.abs(J @ a - gamma)))
     assert not np.all(np.isfinite(default))  # the factorisation meets a pivot at rounding level, of either sign
-    assert max(ours) < 1e-11
+    assert max(ours) < 1e-13
 
 
 def test_nothing_is_stabilised_and_every_knob_is_named():
