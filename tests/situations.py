@@ -62,6 +62,7 @@ class Situation:
     dispute: str = ""
     earlier: str = ""
     effect: float | None = None
+    singular: int | None = None
     velocity: float = 1.0
     velocity_slope: float = 0.0
 
@@ -79,7 +80,8 @@ class Situation:
         acting = (
             () if self.effect is None else (MotionSensitivity("gravity", "gravity", np.full(len(TIMES), self.effect)),)
         )
-        yard = ReferenceMotion(TRUE, np.full(len(TIMES), self.spread), self.digits, self.growth, self.dispute, acting)
+        spread = np.full(len(TIMES), self.spread)
+        yard = ReferenceMotion(TRUE, spread, self.digits, self.growth, self.dispute, acting, self.singular)
         return compare_trajectory(MECHANISM, runs, yard, softer, self.earlier)
 
     def _run(self, method: Method, level: int, h: float, s: float) -> Run:
@@ -257,6 +259,9 @@ SITUATIONS = (
     ),
     Situation("an uncertain reference", lambda h, s: 0.0, U, "uncertain reference", spread=1e-7),
     Situation("a disputed reference", lambda h, s: 1e-4, U, "disputed reference", dispute="published value"),
+    Situation("another branch from a singular pose", lambda h, s: 1e-1, U, "singular pose", singular=0),
+    Situation("wrong behind a singular pose alone", late(1.0, 0), A, "agreement", singular=20),
+    Situation("wrong before a singular pose", lambda h, s: 1e-3 + 5 * h**2, M, "elsewhere", singular=40),
     Situation("chaotic from the start", lambda h, s: 1e-3, U, "horizon", growth=np.full(41, 1e9)),
     Situation(
         "soft and saturated, a fifth remains",

@@ -229,8 +229,9 @@ def keyboard(opened, view, told):
     page.focus(f'td.cell a[href="#{first.cells[0].anchor}"]')
     page.keyboard.press("ArrowRight")
     page.keyboard.press("ArrowDown")
-    wanted = (view.cases[1] if len(view.cases) > 1 else first).cells[1].anchor
-    if len(view.cases) > 1 and page.evaluate("document.activeElement.hash") != f"#{wanted}":
+    wanted = page.evaluate("document.activeElement.hash")
+    several = len(view.cases) > 1 and len(view.engines) > 2  # the reference has no column
+    if several and wanted != f"#{view.cases[1].cells[1].anchor}":
         yield "arrow keys lead elsewhere"
     page.keyboard.press("Enter")
     page.wait_for_selector("#page h2")
@@ -238,7 +239,7 @@ def keyboard(opened, view, told):
         yield "the opened page does not take the focus"
     page.keyboard.press("Escape")
     until(page, "!document.getElementById('overview').hidden")
-    if page.evaluate("document.activeElement.hash") != f"#{wanted}":
+    if page.evaluate("document.activeElement.hash") != wanted:
         yield "Escape does not lead back"
     page = opened.go()
     page.evaluate("document.querySelector('#filters .all').open = true")

@@ -246,7 +246,7 @@ def _drawn(choose: random.Random, target: str, jobs: int, start: float) -> Kill:
         return Kill(target, 0, choose.uniform(0.0, start), choose.random())
     if when < 0.1:
         return Kill(target, jobs, choose.uniform(0.0, 0.5), choose.random())
-    return Kill(target, choose.randint(1, jobs - 1), choose.uniform(0.0, 0.02), choose.random())
+    return Kill(target, choose.randint(1, 4 * jobs // 5), choose.uniform(0.0, 0.005), choose.random())
 
 
 def campaign(suite: Suite, kills: int, seed: int, room: Path) -> Tally:
@@ -276,7 +276,7 @@ def campaign(suite: Suite, kills: int, seed: int, room: Path) -> Tally:
         shutil.rmtree(folder)
     if tally.kills < kills:
         tally.note(f"only {tally.kills} kills in {MOST_ROUNDS * kills} rounds")
-    if tally.between < BETWEEN * kills:
+    if tally.between < int(BETWEEN * kills):
         tally.note(f"only {tally.between} of {tally.kills} kills came between the first answer and the last")
     return tally
 

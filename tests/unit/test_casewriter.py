@@ -11,6 +11,7 @@ from consilience.case.file.reader import load_file
 from consilience.case.file.writer import case_text
 from consilience.errors import InvalidInput
 from consilience.mechanism import Frame, Initial
+from mechanisms import chain
 
 ROUNDING = 1e-14
 """Points and axes are rotated to the drawing and back: rounding of products with coordinates of at most some 10 m."""
@@ -78,7 +79,7 @@ def test_a_shipped_case_comes_back_whole(case, tmp_path):
 
 
 def test_held_coordinates_and_guesses_come_back(tmp_path):
-    mechanism = random_mechanism(2, bodies=2)
+    mechanism = chain("free", "revolute", seed=2)
     poses = {b.name: Frame(b.drawing.p + 0.1, b.drawing.R.T) for b in mechanism.bodies}
     velocities = {b.name: (np.arange(3.0), np.arange(3.0) - 0.1) for b in mechanism.bodies}
     held = {mechanism.joints[0].name: {"orientation": np.array([0.6, 0.8, 0.0, 0.0]), "position": np.arange(3.0)}}

@@ -97,8 +97,13 @@ def _cases(stem: str, file: str, table: CaseTable, names: set[str], problems: li
     mechanism = _mechanism(stem, table, names, problems)
     if mechanism is None:
         return []
-    own = table.variants.items() if table.variants else [("", table)]
-    return [_case(f"{stem}-{v}" if v else stem, file, table, mechanism, one, problems) for v, one in own]
+    own: list[tuple[str, CaseTable | VariantTable]] = list(table.variants.items()) or [("", table)]
+
+    def made(variant: tuple[str, CaseTable | VariantTable]) -> Case:
+        name, one = variant
+        return _case(f"{stem}-{name}" if name else stem, file, table, mechanism, one, problems)
+
+    return list(gathered(made, own, problems))
 
 
 def _case(
