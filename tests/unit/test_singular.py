@@ -12,7 +12,16 @@ from consilience.compare import Verdict
 from consilience.compare.judge import REFERENCE, judge_case
 from consilience.engine import Method, Question, Route, Run, Status, TrajectoryAnswer
 from consilience.errors import CannotAssemble
-from consilience.mechanism import Drive, Initial, first_singular, initial_state, is_singular, linear, singular_pose
+from consilience.mechanism import (
+    Drive,
+    Initial,
+    first_singular,
+    initial_state,
+    is_singular,
+    linear,
+    random_states,
+    singular_pose,
+)
 from consilience.reference import accelerations
 from linkages import FLAT_PARALLELOGRAM, FOLDED_RHOMBUS, four_bar_of, in_other_units, platform, slider_crank, with_crank
 from mechanisms import ELEMENTS, LOOPS, TREES, states_of
@@ -119,3 +128,9 @@ def test_a_motion_through_a_change_point_is_judged_up_to_it():
     at_once = replace(truth, **{k: getattr(truth, k)[2:] for k in ("time", "p_WB", "quat_WB", "v_WB_W", "w_WB_W")})
     found = judged(case, Question.TRAJECTORY, at_once, replace(at_once, p_WB=at_once.p_WB + behind[2:]))
     assert (found.verdict, found.rule) == (Verdict.UNRESOLVED, "singular pose")
+
+
+def test_random_states_of_a_mechanism_that_locks_say_so():
+    mechanism = platform(0.8)
+    with pytest.raises(CannotAssemble, match="it can move at the start alone, a singular pose, and locks"):
+        random_states(mechanism, initial_state(mechanism), 1, 0)

@@ -10,6 +10,7 @@ import numpy as np
 
 from consilience.errors import CannotAssemble
 from consilience.mechanism.assembly import assemble_positions, assemble_velocities, largest_residual
+from consilience.mechanism.branches import singular_pose
 from consilience.mechanism.constraints import null_space, scaled_jacobian, velocity_sizes
 from consilience.mechanism.model import Mechanism, State
 from consilience.mechanism.singular import move
@@ -62,7 +63,7 @@ def random_states(mechanism: Mechanism, start: State, count: int, seed: int, spe
         if failed == _MOST_FAILED:
             raise CannotAssemble(
                 f"mechanism '{mechanism.name}'",
-                f"{failed} random steps away from a state of it led nowhere",
+                f"{failed} random steps away from a state of it led nowhere{_stuck(mechanism, start)}",
                 "Ask for fewer states (instant.states = 1 asks for the initial one alone).",
             )
         step = _free_motion(mechanism, state, rng, holonomic=True)
@@ -78,6 +79,13 @@ def random_states(mechanism: Mechanism, start: State, count: int, seed: int, spe
         failed = 0
         states.append(state)
     return states
+
+
+def _stuck(mechanism: Mechanism, start: State) -> str:
+    """Return, for a message, that a mechanism which moves at its start is rigid beside it; otherwise nothing."""
+    pose = singular_pose(mechanism, start)
+    locks = pose is not None and not any(pose.branches)
+    return ": it can move at the start alone, a singular pose, and locks" if locks else ""
 
 
 def displaced_states(
