@@ -7,6 +7,7 @@ solution.
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg import null_space
 
 from consilience.mechanism import (
     GROUND,
@@ -86,8 +87,10 @@ def joint_efforts(mechanism: Mechanism, state: State, t: float):
         yield c.joint, c.coordinate, c.proportional * (target - q) + c.derivative * (target_rate - rate)
 
 
-def accelerations(mechanism: Mechanism, state: State, t: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-    """Return accelerations (a_WB_W, alpha_WB_W) of each body, shape (n_b, 6), and the multipliers of all rows."""
+def equations(
+    mechanism: Mechanism, state: State, t: float = 0.0
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return M, f, Q, gamma of ``M a = f + Q^T lam``, ``Q a = gamma``; a = (a_WB_W, alpha_WB_W) of all bodies."""
     n = len(mechanism.bodies)
     R = rotation_from_quaternion(state.quat_WB)
     inertias = world_inertias(mechanism, state)
@@ -101,10 +104,26 @@ def accelerations(mechanism: Mechanism, state: State, t: float = 0.0) -> tuple[n
         M[first, last], M[last, first] = -body.mass * C, body.mass * C
         f[first] -= body.mass * cross(w, cross(w, c))
         f[last] -= cross(w, I_origin @ w)
-    Q, gamma = constraint_jacobian(mechanism, state, t=t), constraint_gamma(mechanism, state, t=t)
+    return M, f, constraint_jacobian(mechanism, state, t=t), constraint_gamma(mechanism, state, t=t)
+
+
+def accelerations(mechanism: Mechanism, state: State, t: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Return accelerations (a_WB_W, alpha_WB_W) of each body, shape (n_b, 6), and the multipliers of all rows."""
+    M, f, Q, gamma = equations(mechanism, state, t)
     inverse = np.linalg.inv(M)
     lam = np.linalg.lstsq(Q @ inverse @ Q.T, gamma - Q @ inverse @ f, rcond=1e-9)[0] if len(Q) else np.zeros(0)
-    return (inverse @ (f + Q.T @ lam)).reshape(n, 6), lam
+    return (inverse @ (f + Q.T @ lam)).reshape(-1, 6), lam
+
+
+def free_accelerations(mechanism: Mechanism, state: State, t: float = 0.0) -> np.ndarray:
+    """Return accelerations of each body, shape (n_b, 6), without multipliers: ``N^T M a = N^T f``, N^T N = 1, Q N = 0.
+
+    Forces of constraints, which light bodies magnify, do not enter: rounding grows with the condition of N^T M N alone.
+    """
+    M, f, Q, gamma = equations(mechanism, state, t)
+    a = np.linalg.lstsq(Q, gamma, rcond=1e-9)[0]
+    N = null_space(Q, rcond=1e-9)
+    return (a + N @ np.linalg.solve(N.T @ M @ N, N.T @ (f - M @ a))).reshape(-1, 6)
 
 
 def solve(mechanism: Mechanism, state: State, t: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

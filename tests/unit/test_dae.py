@@ -36,11 +36,12 @@ from oracles.closed_forms.heavy_top import HeavyTop
 
 ALL = TREES | LOOPS | ELEMENTS
 SPAN = 0.2
+STATES = 5  # drawn of each mechanism
 
 
 @functools.cache
-def start(name):
-    return states_of(ALL[name], 1)[0]
+def start(name, drawn=0):
+    return states_of(ALL[name], STATES)[drawn]
 
 
 def at(answer, k):
@@ -56,20 +57,20 @@ def explicit(mechanism, state, times):
 
 
 @functools.cache
-def reference(name, t):
+def reference(name, t, drawn):
     """Return the state and the least-norm multipliers at the time t."""
     mechanism = ALL[name]
-    state = at(explicit(mechanism, start(name), np.array([0.0, t])), 1)
+    state = at(explicit(mechanism, start(name, drawn), np.array([0.0, t])), 1)
     terms, y = BodyTerms(mechanism), pack(mechanism, state)
-    angles = terms.count_turns(pack(mechanism, start(name)), np.zeros(terms.turns))
+    angles = terms.count_turns(pack(mechanism, start(name, drawn)), np.zeros(terms.turns))
     found = terms.evaluate(t, y, terms.count_turns(y, angles))
     Q = found.Q.copy()
     return state, least_norm_multipliers(Q, Q.T @ terms.accelerations(found)[1])
 
 
-def errors(name, motion):
+def errors(name, motion, drawn=0):
     """Return the largest errors of poses, velocities and multipliers."""
-    state, lam = reference(name, round(motion.t, 12))
+    state, lam = reference(name, round(motion.t, 12), drawn)
     p, quat, v, w = unpack(ALL[name], motion.y)
     return (
         max(np.max(np.abs(p - state.p_WB)), np.max(rotation_angle_between(quat, state.quat_WB))),
@@ -197,19 +198,23 @@ def test_radau_refuses_what_makes_no_sense(change):
 @pytest.mark.parametrize("rho", [0.0, 0.8, 1.0])
 @pytest.mark.parametrize("name", ["four_bar", "rolling_torus", "driven"])
 def test_generalised_alpha_is_of_order_two_from_the_first_step_on(name, rho):
-    """Order 2 of poses, velocities and multipliers; inconsistent starting values reduce the latter two to order 1."""
+    """Order 2 of poses, velocities and multipliers; inconsistent starting values reduce the latter two to order 1.
+
+    Errors of multipliers after two steps are taken over several states: in a single one their h^2 may nearly cancel.
+    """
     steps, end, second = np.array([32, 48, 64]), [], []
     for n in steps:
-        motion = GeneralisedAlpha(ALL[name], start(name), 0.0, SPAN / n, rho)
-        motion.advance()
-        motion.advance()
-        second.append(errors(name, motion))
-        for _ in range(n - 2):
+        motions = [GeneralisedAlpha(ALL[name], start(name, k), 0.0, SPAN / n, rho) for k in range(STATES)]
+        for motion in motions:
             motion.advance()
-        end.append(errors(name, motion))
+            motion.advance()
+        second.append(max(errors(name, motion, k)[2] for k, motion in enumerate(motions)))
+        for _ in range(n - 2):
+            motions[0].advance()
+        end.append(errors(name, motions[0]))
     measured = [orders(steps, part) for part in np.array(end).T]
     np.testing.assert_allclose(measured, 2.0, atol=0.15)
-    assert orders(steps, np.array(second)[:, 2]) > 1.85  # above 2 where the next term of the error is not yet small
+    assert orders(steps, second) > 1.85  # above 2 where the next term of the error is not yet small
 
 
 def heavy_top():
