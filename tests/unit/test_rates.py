@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from consilience.compare.rules import Evidence, decide
 from consilience.mechanism import (
     GROUND,
     Friction,
@@ -63,3 +64,11 @@ def test_a_spring_turns_fastest_where_it_is_shortest(distance):
     found = turning_rate(replace(SLIDE, springs=(bent,)), motion, time)
     assert found == pytest.approx(speed / distance, rel=1e-6) if distance else found > 1e12
     assert turning_rate(replace(SLIDE, springs=(replace(bent, free_length=0.0),)), motion, time) == 0.0
+
+
+@pytest.mark.parametrize(("rate", "rule"), [(7.9e4, "unresolved rate"), (10.0, "converged elsewhere")])
+def test_a_vibration_that_every_level_damps_away_is_no_other_model(rate, rule):
+    """Implicit Euler damps by (h w)^2 / 2 a step: of 7.9e4 1/s nothing is left after 0.1 s at 4e-6 s, of 10 1/s all."""
+    levels = {"limit": 1e-3, "band": 0.0, "spread": 0.0, "order": 0.0, "declared": 1, "step": 4e-6}
+    found, why = decide(Evidence(1e-6, judged=0.1, duration=0.1, reference=0.0, finest=1e-3, rate=rate, **levels))
+    assert found.name == rule, why

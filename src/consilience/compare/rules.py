@@ -152,7 +152,12 @@ class Evidence:
         jumps within a step spoils any order.
         """
         rate = max(self.turning, 0.0 if self.asymptotic else self.rate)
-        return rate if self.step * rate > RESOLVED else 0.0
+        return rate if self.step * rate > RESOLVED or self.damps(rate) else 0.0
+
+    def damps(self, rate: float) -> bool:
+        """Whether levels agree to rounding where errors ``(h w)^p`` a radian end a vibration within the motion."""
+        within = self.declared is not None and self.spread <= ROUNDING
+        return within and (self.step * rate) ** (self.declared or 1) * rate * self.judged > 1.0
 
     @property
     def softness_explains(self) -> bool:
@@ -329,7 +334,7 @@ RULES: tuple[Rule, ...] = (
     Rule(
         "unresolved rate",
         Verdict.UNRESOLVED,
-        "the finest step does not resolve the fastest rate of the case, or a spring passes its anchor",
+        "the finest step does not resolve the fastest rate or damps it away, or a spring passes its anchor",
         lambda e: e.unresolved_rate > 0.0,
         lambda e: f"differs by {e.finest:.2g}, and {rate_text(e.step, e.unresolved_rate)}",
     ),
@@ -378,6 +383,8 @@ def rate_text(step: float, rate: float) -> str:
     """Say which step resolves a rate; nothing resolves a jump."""
     if step * rate > JUMP:
         return "a spring passes its anchor, where its force jumps: no step resolves that"
+    if step * rate <= RESOLVED:
+        return f"levels do not depend on the step: at {step:.2g} s a vibration of {rate:.2g} 1/s is damped away"
     return f"a step of {step:.2g} s does not resolve the rate of {rate:.2g} 1/s: {RESOLVED / rate:.1g} s or less would"
 
 
