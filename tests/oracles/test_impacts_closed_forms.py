@@ -40,7 +40,9 @@ def state(p, v, w=None, R=None):
 
 
 def floor(body, radius, restitution, friction=0.0, center=ZERO, normal=Z):
-    return SpherePlane(f"floor_{body}", body, center, radius, GROUND, ZERO, normal, restitution, friction)
+    return SpherePlane(
+        f"floor_{body}", body, center, radius, GROUND, ZERO, normal, restitution=restitution, friction=friction
+    )
 
 
 # --- bouncing -------------------------------------------------------------------------------------------------------
@@ -111,7 +113,7 @@ def test_two_smooth_spheres_exchange_momentum_along_the_line_of_centres(s, offse
     mechanism = floating(ball("a", m1, r1), ball("b", m2, r2))
     v1, v2 = np.array([2.0, 0.0, 0.0]), np.array([-0.5, 0.0, 0.0])
     initial = state([[0, 0, 0], [1.0, offset, 0]], [v1, v2])
-    contact = SphereSphere("pair", "a", ZERO, r1, "b", ZERO, r2, s)
+    contact = SphereSphere("pair", "a", ZERO, r1, "b", ZERO, r2, restitution=s)
     answer, (hit,) = simulate_with_impacts(mechanism, initial, np.array([0.0, 1.0]), (contact,))
     at = (1.0 - np.sqrt((r1 + r2) ** 2 - offset**2)) / 2.5
     n = np.array([-(1.0 - 2.5 * at), -offset, 0.0]) / (r1 + r2)  # from b to a
@@ -129,7 +131,7 @@ def test_two_smooth_spheres_exchange_momentum_along_the_line_of_centres(s, offse
 def test_spheres_that_pass_within_a_micrometre_are_told_from_spheres_that_graze(miss, count):
     mechanism = floating(ball("a", 1.0, 0.2), ball("b", 1.0, 0.1))
     initial = state([[0, 0, 0], [5.0, 0.3 + miss, 0]], [4 * X, -1 * X])
-    contact = SphereSphere("pair", "a", ZERO, 0.2, "b", ZERO, 0.1, 1.0)
+    contact = SphereSphere("pair", "a", ZERO, 0.2, "b", ZERO, 0.1, restitution=1.0)
     _, impacts = simulate_with_impacts(mechanism, initial, np.array([0.0, 3.0]), (contact,))
     assert len(impacts) == count
     if count:
@@ -139,7 +141,7 @@ def test_spheres_that_pass_within_a_micrometre_are_told_from_spheres_that_graze(
 def test_a_ball_that_hits_a_free_plate_off_its_centre_turns_it():
     plate = Body("plate", 3.0, ZERO, np.diag([0.3, 0.5, 0.7]), AT_HOME)
     mechanism = floating(ball("a", 0.8, 0.1), plate)
-    contact = SpherePlane("hit", "a", ZERO, 0.1, "plate", np.array([0, 0, 0.05]), Z, 0.75)
+    contact = SpherePlane("hit", "a", ZERO, 0.1, "plate", np.array([0, 0, 0.05]), Z, restitution=0.75)
     initial = state([[0.4, 0.0, 1.0], [0, 0, 0]], [[0.3, 0, -2.0], ZERO])
     _, (hit,) = simulate_with_impacts(mechanism, initial, np.array([0.0, 0.6]), (contact,))
     t = (1.0 - 0.15) / 2.0
@@ -182,7 +184,7 @@ def rod(angle, v, w, s, mu):
     body = Body("rod", M_ROD, ZERO, np.diag([1e-3 * I_ROD, I_ROD, I_ROD]), AT_HOME)
     along = np.array([np.cos(angle), 0, np.sin(angle)])
     R = np.column_stack([along, Y, np.cross(along, Y)])
-    tip = PointPlane("tip", "rod", np.array([-A_ROD, 0, 0]), GROUND, ZERO, Z, s, mu)
+    tip = PointPlane("tip", "rod", np.array([-A_ROD, 0, 0]), GROUND, ZERO, Z, restitution=s, friction=mu)
     r = -A_ROD * along
     hit = solve_impact(floating(body), state([-r], [v], [w], [R]), (tip,))
     return hit, r[0], r[2]
@@ -261,7 +263,7 @@ def pendulum(h):
     body = Body("arm", 2.0, np.array([0.4, 0, 0]), inertia, AT_HOME)
     turn = np.column_stack([Z, X, Y])  # joint axes z, x, y along y, z, x of the world
     joint = Joint("pivot", "revolute", GROUND, "arm", Frame(ZERO, turn), Frame(ZERO, turn))
-    stop = PointPlane("stop", "arm", np.array([h, 0, 0]), GROUND, ZERO, X, 0.6)
+    stop = PointPlane("stop", "arm", np.array([h, 0, 0]), GROUND, ZERO, X, restitution=0.6)
     return Mechanism("pendulum", -9.81 * Z, (body,), (joint,)), stop
 
 
@@ -295,7 +297,7 @@ def test_pendulum_at_a_stop_reverses_by_s_and_its_pivot_feels_nothing_at_the_cen
 def row_of_balls(gap, s):
     r = 0.1
     balls = [ball(name, 0.5, r) for name in "abc"]
-    contacts = tuple(SphereSphere(f"{p}{q}", p, ZERO, r, q, ZERO, r, s) for p, q in ("ab", "bc"))
+    contacts = tuple(SphereSphere(f"{p}{q}", p, ZERO, r, q, ZERO, r, restitution=s) for p, q in ("ab", "bc"))
     initial = state([[-1.0, 0, 0], ZERO, [2 * r + gap, 0, 0]], [2.0 * X, ZERO, ZERO])
     return floating(*balls), initial, contacts
 
@@ -321,7 +323,9 @@ def test_box_that_lands_flat_on_four_corners_bounces_without_turning():
     m, s, fall = 2.0, 0.4, 0.7
     box = Body("box", m, ZERO, np.diag([0.1, 0.2, 0.25]), AT_HOME)
     corners = [np.array([x, y, -0.1]) for x in (-0.3, 0.3) for y in (-0.2, 0.2)]
-    contacts = tuple(PointPlane(f"c{n}", "box", c, GROUND, ZERO, Z, s, 0.3) for n, c in enumerate(corners))
+    contacts = tuple(
+        PointPlane(f"c{n}", "box", c, GROUND, ZERO, Z, restitution=s, friction=0.3) for n, c in enumerate(corners)
+    )
     initial = state([[0, 0, 0.1 + fall]], [ZERO])
     _, (hit, *_) = simulate_with_impacts(floating(box, gravity=-9.81 * Z), initial, np.array([0.0, 0.5]), contacts)
     speed = np.sqrt(2 * 9.81 * fall)
@@ -337,9 +341,9 @@ def test_a_contact_that_would_have_to_pull_is_released():
     beam = Body("beam", m, ZERO, np.diag([0.01, inertia, inertia]), AT_HOME)
     hammer = ball("hammer", 0.5, 0.05)
     contacts = (
-        PointPlane("left", "beam", np.array([-a, 0, 0]), GROUND, ZERO, Z, 0.5),
-        PointPlane("right", "beam", np.array([a, 0, 0]), GROUND, ZERO, Z, 0.5),
-        SpherePlane("blow", "hammer", ZERO, 0.05, "beam", ZERO, Z, 0.5),
+        PointPlane("left", "beam", np.array([-a, 0, 0]), GROUND, ZERO, Z, restitution=0.5),
+        PointPlane("right", "beam", np.array([a, 0, 0]), GROUND, ZERO, Z, restitution=0.5),
+        SpherePlane("blow", "hammer", ZERO, 0.05, "beam", ZERO, Z, restitution=0.5),
     )
     x = 0.5  # the hammer strikes outside the right corner
     hit = solve_impact(floating(beam, hammer), state([ZERO, [x, 0, 0.05]], [ZERO, -2 * Z]), contacts)

@@ -48,7 +48,10 @@ def test_every_joint_and_element_has_a_line(name):
 def test_contacts_have_a_line_and_their_spheres_are_drawn():
     (case,) = load_cases("bouncing_sphere")
     (contact,) = case.mechanism.contacts
-    assert f"contact {contact.name}: {contact.body} on {contact.partner}, restitution " in describe_case(case)
+    assert (
+        f"contact {contact.name}: {contact.body} on {contact.partner}, sphere on plane, restitution "
+        in describe_case(case)
+    )
     circles = [line.points for line in figure_of(case.mechanism, case.initial_state).lines if line.kind == "circle"]
     assert len(circles) == 3
     for points in circles:

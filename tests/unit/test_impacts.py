@@ -67,14 +67,14 @@ def contact_between(mechanism, state, kind, body, partner, rng, name="c", gap=0.
     at, _ = body_point(mechanism, state, body, centre)
     n = rotation(rng)[:, 0]
     r1, r2 = rng.uniform(0.1, 0.3, size=2)
-    law = (rng.uniform(0.0, 1.0), rng.choice([0.0, rng.uniform(0.05, 1.5)]))
+    law = {"restitution": rng.uniform(0.0, 1.0), "friction": rng.choice([0.0, rng.uniform(0.05, 1.5)])}
     if kind is SphereSphere:
         other = in_body(mechanism, state, partner, at - (r1 + r2 + gap) * n)
-        return SphereSphere(name, body, centre, r1, partner, other, r2, *law)
+        return SphereSphere(name, body, centre, r1, partner, other, r2, **law)
     shape = (centre, r1) if kind is SpherePlane else (centre,)
     below = at - (gap + (r1 if kind is SpherePlane else 0.0)) * n + np.cross(n, rng.normal(size=3))
     plane = in_body(mechanism, state, partner, below)
-    return kind(name, body, *shape, partner, plane, turned_into(mechanism, state, partner, n), *law)
+    return kind(name, body, *shape, partner, plane, turned_into(mechanism, state, partner, n), **law)
 
 
 @pytest.mark.parametrize("kind", [SpherePlane, PointPlane, SphereSphere])
@@ -354,7 +354,7 @@ def moving(p, v):
 
 
 def floor(body, restitution, normal=Z, radius=0.1, name="floor"):
-    return SpherePlane(name, body, ZERO, radius, GROUND, ZERO, normal, restitution)
+    return SpherePlane(name, body, ZERO, radius, GROUND, ZERO, normal, restitution=restitution)
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.1, 5.0])
@@ -363,7 +363,10 @@ def test_twelve_corners_of_a_prism_that_lands_flat_act_as_one(friction):
     prism = Body("prism", m, ZERO, np.diag([0.1, 0.12, 0.2]), AT_HOME)
     angles = 2 * np.pi * np.arange(12) / 12
     corners = [np.array([0.5 * np.cos(a), 0.5 * np.sin(a), 0.0]) for a in angles]
-    contacts = tuple(PointPlane(f"c{n}", "prism", c, GROUND, ZERO, Z, s, friction) for n, c in enumerate(corners))
+    contacts = tuple(
+        PointPlane(f"c{n}", "prism", c, GROUND, ZERO, Z, restitution=s, friction=friction)
+        for n, c in enumerate(corners)
+    )
     hit = solve_impact(floating(prism), moving([ZERO], [v]), contacts)
     N = m * (1 + s) * 1.7
     slip = np.hypot(0.8, 0.3)
@@ -378,7 +381,7 @@ def test_restitution_that_differs_between_corners_is_met_where_it_asks_most():
     slide = Body("slide", 1.0, ZERO, np.diag([0.1, 0.1, 0.1]), AT_HOME)
     mechanism = Mechanism("m", ZERO, (slide,), (Joint("j", "prismatic", GROUND, "slide", AT_HOME, AT_HOME),))
     contacts = tuple(
-        PointPlane(f"c{n}", "slide", np.array([x, 0, 0]), GROUND, ZERO, Z, s, 0.0)
+        PointPlane(f"c{n}", "slide", np.array([x, 0, 0]), GROUND, ZERO, Z, restitution=s)
         for n, (x, s) in enumerate([(-0.3, 0.2), (0.3, 0.9)])
     )
     hit = solve_impact(mechanism, moving([ZERO], [-2 * Z]), contacts)
@@ -402,7 +405,7 @@ def stopped_linkage():
     free = states_at(simulate(mechanism, start, np.array([0.0, 0.437])))[-1]
     point = np.array([0.1, -0.2, 0.15])
     p, v = body_point(mechanism, free, "coupler", point)
-    stop = PointPlane("stop", "coupler", point, GROUND, p, -v, 0.7, 0.3)
+    stop = PointPlane("stop", "coupler", point, GROUND, p, -v, restitution=0.7, friction=0.3)
     times = np.linspace(0.0, 2.4, 49)
     return mechanism, start, stop, times, *simulate_with_impacts(mechanism, start, times, (stop,))
 
@@ -454,9 +457,9 @@ def test_rotated_world_gives_the_rotated_motion():
         mechanism = floating(*bodies, gravity=-9.81 * turn[:, 2])
         start = State(p @ turn.T, quaternion_from_rotation(turn @ poses), v @ turn.T, w @ turn.T)
         contacts = (
-            SpherePlane("fa", "a", ZERO, 0.3, GROUND, ZERO, turn[:, 2], 0.8, 0.3),
-            SpherePlane("fb", "b", ZERO, 0.3, GROUND, ZERO, turn[:, 2], 0.7, 0.2),
-            SphereSphere("ab", "a", ZERO, 0.3, "b", ZERO, 0.3, 0.9, 0.4),
+            SpherePlane("fa", "a", ZERO, 0.3, GROUND, ZERO, turn[:, 2], restitution=0.8, friction=0.3),
+            SpherePlane("fb", "b", ZERO, 0.3, GROUND, ZERO, turn[:, 2], restitution=0.7, friction=0.2),
+            SphereSphere("ab", "a", ZERO, 0.3, "b", ZERO, 0.3, restitution=0.9, friction=0.4),
         )
         answers.append(simulate_with_impacts(mechanism, start, np.linspace(0, 0.8, 9), contacts))
     (one, hits), (two, turned) = answers
@@ -471,7 +474,7 @@ def test_free_bodies_keep_their_momentum_and_an_action_has_its_reaction():
     rng = np.random.default_rng(9)
     mechanism = floating(lumpy_body("a", rng), lumpy_body("b", rng))
     start = moving([ZERO, [2.0, 0.1, 0]], [X, -X])
-    contact = SphereSphere("ab", "a", ZERO, 0.4, "b", ZERO, 0.4, 0.5, 0.6)
+    contact = SphereSphere("ab", "a", ZERO, 0.4, "b", ZERO, 0.4, restitution=0.5, friction=0.6)
     answer, impacts = simulate_with_impacts(mechanism, start, np.array([0.0, 2.0]), (contact,))
     assert impacts
     end = states_at(answer)[-1]
@@ -489,7 +492,7 @@ def test_equal_falls_make_one_simultaneous_impact_and_other_falls_another():
 
 def test_a_contact_thrown_together_by_an_impact_follows_at_the_same_instant():
     balls = [ball(n) for n in "abc"]
-    contacts = tuple(SphereSphere(f"{p}{q}", p, ZERO, 0.1, q, ZERO, 0.1, 1.0) for p, q in ("ab", "bc"))
+    contacts = tuple(SphereSphere(f"{p}{q}", p, ZERO, 0.1, q, ZERO, 0.1, restitution=1.0) for p, q in ("ab", "bc"))
     start = moving([[-0.2, 0, 0], ZERO, [0.2, 0, 0]], [2 * X, ZERO, 0.5 * X])  # b and c are in contact, but separating
     answer, impacts = simulate_with_impacts(floating(*balls), start, np.array([0.0, 1.0]), contacts)
     assert [(i.time, i.contacts) for i in impacts] == [(0.0, ("ab",)), (0.0, ("bc",))]
@@ -497,7 +500,7 @@ def test_a_contact_thrown_together_by_an_impact_follows_at_the_same_instant():
 
 
 def test_spheres_that_stick_together_without_force_go_on_together():
-    contact = SphereSphere("ab", "a", ZERO, 0.1, "b", ZERO, 0.1, 0.0)
+    contact = SphereSphere("ab", "a", ZERO, 0.1, "b", ZERO, 0.1)
     start = moving([ZERO, [1.0, 0, 0]], [X, ZERO])
     answer, impacts = simulate_with_impacts(floating(ball("a"), ball("b")), start, np.array([0.0, 5.0]), (contact,))
     assert len(impacts) == 1

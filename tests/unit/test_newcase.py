@@ -33,7 +33,18 @@ EXPLAINED = (
 )
 """Tables of the schema; the starter names each of their fields."""
 
-LEFT_TO_THE_SCHEMA = {"drive", "coupling", "rolling", "skate", "contact", "variants", "pitch", "joint"}
+LEFT_TO_THE_SCHEMA = {
+    "drive",
+    "coupling",
+    "rolling",
+    "skate",
+    "contact",
+    "stop",
+    "dry_friction",
+    "variants",
+    "pitch",
+    "joint",
+}
 """Fields of these tables that the starter leaves to the schema."""
 
 

@@ -115,19 +115,6 @@ DOUBTS = {
         "gravity": [0.0, 0.0, -98.6],
     },  # sqrt(98.6 / sqrt(0.1 / 2)) = 21 rad/s
     "has hardly begun": {"trajectory": {"duration": 1e-3, "sample": 1e-4}},
-    "contact 'floor' is closed at the start": {
-        "contact": [
-            {
-                "name": "floor",
-                "body": "box",
-                "partner": "ground",
-                "at": [0.0, 0.0, 0.0],
-                "radius": 0.2,
-                "restitution": 0.5,
-            }
-            | {"point": [0.3, 0.0, -0.2], "normal": [0.0, 0.0, 3.0]}
-        ]
-    },
     "friction 'rub': the speed 1e-09 is too small": {
         "friction": [{"name": "rub", "joint": "slide", "coordinate": "distance", "coulomb": 1.0, "speed": 1e-9}]
     },

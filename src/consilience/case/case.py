@@ -10,7 +10,17 @@ import numpy as np
 
 from consilience.case.published import Published
 from consilience.errors import InvalidInput
-from consilience.mechanism import Array, Function, Initial, Mechanism, State, fastest_rate, initial_state, random_states
+from consilience.mechanism import (
+    Array,
+    Function,
+    Initial,
+    Mechanism,
+    State,
+    fastest_rate,
+    initial_state,
+    random_states,
+    refuse_overlap,
+)
 
 _OF_TIME = {
     "drives": "motion",
@@ -102,9 +112,11 @@ class Case:
             The message starts with the case's file.
         """
         try:
-            return initial_state(self.mechanism, self.initial)
+            state = initial_state(self.mechanism, self.initial)
+            refuse_overlap(self.mechanism, state)
         except InvalidInput as error:
             raise type(error)(f"{self.file}: {error.where}", error.what, error.remedy) from None
+        return state
 
     @cached_property
     def unassembled(self) -> str:

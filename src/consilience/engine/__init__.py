@@ -4,6 +4,8 @@ An adapter needs nothing beyond this package and `consilience.mechanism`. Both i
 """
 
 from consilience.engine.answers import (
+    CONTACT_MODES,
+    EVENT_KINDS,
     EngineInfo,
     InstantAnswer,
     Manifest,
@@ -35,7 +37,9 @@ from consilience.engine.questions import Answer, Question, defects, load_named
 from consilience.engine.rods import ROD_MARGIN, rod_turn, rods_of, suited_rods, turned_rods
 
 __all__ = [
+    "CONTACT_MODES",
     "ELEMENTARY",
+    "EVENT_KINDS",
     "ROD_MARGIN",
     "Answer",
     "Engine",

@@ -11,7 +11,7 @@ from enum import StrEnum
 from typing import Any
 
 from consilience.engine.questions import Answer, Question
-from consilience.mechanism import Array, Perturbation, State
+from consilience.mechanism import Array, ContactLaw, Perturbation, State
 
 
 class Route(StrEnum):
@@ -92,6 +92,10 @@ class Method:
         Scale of the engine's own regularisation of constraints: 1 for these settings, 2 for twice as soft; None where
         the constraints are hard. The harness asks again with another scale to see whether a difference to the
         reference depends on the regularisation.
+    contact_law : str
+        Which law of contact the method solves, in plain words: ``circle``, ``pyramid of 4 facets along ...``.
+    law : ContactLaw or None
+        That law, where it is not the case's: the reference can be asked with it.
     """
 
     name: str
@@ -102,6 +106,8 @@ class Method:
     settings: dict[str, Any] = field(default_factory=dict, kw_only=True)
     profile: Profile = field(default=Profile.MATCHED, kw_only=True)
     softness: float | None = field(default=None, kw_only=True)
+    contact_law: str = field(default="", kw_only=True)
+    law: ContactLaw | None = field(default=None, kw_only=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,6 +144,8 @@ class InstantAnswer:
         (no joint springs). Zero for a free joint. None where the method gives no reactions.
     kinetic, potential : ndarray, shape (n_s,), J
         Energies as the engine computes them; the potential energy of gravity is zero at the world origin.
+    contact_force : ndarray, shape (n_s, n_c, 3), N, or None
+        Force of each contact on its `body`, the sum over its parts, world axes. None where the method gives none.
     """
 
     a_WB_W: Array
@@ -146,6 +154,14 @@ class InstantAnswer:
     torque_F: Array | None
     kinetic: Array
     potential: Array
+    contact_force: Array | None = None
+
+
+EVENT_KINDS = ("impact", "closes", "opens", "slips", "sticks", "bounces end")
+"""Events of contacts, stops and dry friction; of a stop or a dry friction those that it can have."""
+
+CONTACT_MODES = ("separated", "sliding", "sticking")
+"""Modes of a contact. Of several closed parts one that slides decides."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,6 +175,20 @@ class TrajectoryAnswer:
     quat_WB : ndarray, shape (n_t, n_b, 4)
     counters : dict
         Work of the integration: steps, evaluations of the accelerations, and other counts of the engine.
+    contact_gap : ndarray, shape (n_t, n_c), m, or None
+        Smallest gap of the parts of each contact. This and the following fields are None where the method gives none.
+    contact_impulse : ndarray, shape (n_t, n_c, 3), N s, or None
+        Impulse of each contact on its `body` since the sample before, world axes; zero at the first sample.
+    contact_mode : ndarray of int, shape (n_t, n_c), or None
+        Index into `CONTACT_MODES`.
+    contact_loss : ndarray, shape (n_t,), J, or None
+        Energy lost in contacts, stops and dry friction since the start.
+    event_time : ndarray, shape (n_e,), s, or None
+        Times of the events, in order.
+    event_contact, event_kind : ndarray of int, shape (n_e,), or None
+        Where: an index into contacts, then stops, then dry frictions; what: an index into `EVENT_KINDS`.
+
+    At the instant of an impact a sample has the velocities after it.
     """
 
     time: Array
@@ -167,6 +197,13 @@ class TrajectoryAnswer:
     v_WB_W: Array
     w_WB_W: Array
     counters: dict[str, int | float] = field(default_factory=dict)
+    contact_gap: Array | None = None
+    contact_impulse: Array | None = None
+    contact_mode: Array | None = None
+    contact_loss: Array | None = None
+    event_time: Array | None = None
+    event_contact: Array | None = None
+    event_kind: Array | None = None
 
     def state(self, sample: int) -> State:
         """Return the state of all bodies at a sample."""
@@ -194,6 +231,7 @@ Question.INSTANT = Question.add(
         **dict.fromkeys(("a_WB_W", "alpha_WB_W"), ("count", "bodies", 3)),
         **dict.fromkeys(("force_F", "torque_F"), ("count", "joints", 3)),
         **dict.fromkeys(("kinetic", "potential"), ("count",)),
+        "contact_force": ("count", "contacts", 3),
     },
     judge="consilience.compare.judges:InstantJudge",
     facts="consilience.report.facts:instant_facts",
@@ -210,6 +248,11 @@ Question.TRAJECTORY = Question.add(
         "quat_WB": ("count", "bodies", 4),
         "v_WB_W": ("count", "bodies", 3),
         "w_WB_W": ("count", "bodies", 3),
+        "contact_gap": ("count", "contacts"),
+        "contact_impulse": ("count", "contacts", 3),
+        "contact_mode": ("count", "contacts"),
+        "contact_loss": ("count",),
+        **dict.fromkeys(("event_time", "event_contact", "event_kind"), ("events",)),
     },
     judge="consilience.compare.judges:TrajectoryJudge",
     facts="consilience.report.facts:trajectory_facts",

@@ -55,7 +55,8 @@ class Question(str, metaclass=_QuestionTable):
         Dataclass of the answer.
     shapes : dict
         Shape of each array and number of the answer. A size is a number, ``count`` (states or samples asked),
-        ``bodies``, ``joints``, or any other name: a size the engine chooses, the same wherever the name stands.
+        ``bodies``, ``joints``, ``contacts``, or any other name: a size the engine chooses, the same wherever the name
+        stands.
     judge : str or type
         Subclass of `compare.judges.QuestionJudge`, which compares the answers with the reference.
     facts : str or callable, optional
@@ -159,7 +160,7 @@ def defects(answer: object, question: Question, mechanism: Mechanism, count: int
     """
     if not isinstance(answer, question.answer):
         return [f"the answer is a {type(answer).__name__}, not a {question.answer.__name__}"]
-    sizes: dict[str, int] = {"count": count, "bodies": len(mechanism.bodies), "joints": len(mechanism.joints)}
+    sizes = {"count": count} | {group: len(getattr(mechanism, group)) for group in ("bodies", "joints", "contacts")}
     found = []
     for name, shape in question.shapes.items():
         value = getattr(answer, name)

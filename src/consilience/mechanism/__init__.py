@@ -14,6 +14,7 @@ from consilience.mechanism.assembly import (
     initial_state,
     row_names,
 )
+from consilience.mechanism.bodies import Body, Frame, check_inertia
 from consilience.mechanism.branches import SingularPose, singular_pose
 from consilience.mechanism.conditioning import mass_matrix_condition, reaction_condition, worst_condition
 from consilience.mechanism.constraints import (
@@ -33,7 +34,28 @@ from consilience.mechanism.constraints import (
     scaled_jacobian,
     velocity_sizes,
 )
-from consilience.mechanism.contacts import Contact, PointPlane, SpherePlane, SphereSphere
+from consilience.mechanism.contact_geometry import (
+    TOUCHING,
+    NearestPoints,
+    contact_gap,
+    contact_tangents,
+    elementary_contacts,
+    nearest_points,
+    refuse_overlap,
+)
+from consilience.mechanism.contact_laws import Compliance, Cone, ContactLaw, SurfaceLaw
+from consilience.mechanism.contacts import (
+    BoxPlane,
+    CapsulePlane,
+    Contact,
+    DiscPlane,
+    ElementaryContact,
+    PointPlane,
+    SpherePlane,
+    SphereSphere,
+    contact_parts,
+    shapes_in_words,
+)
 from consilience.mechanism.element_rows import (
     Angles,
     ElementRow,
@@ -61,12 +83,11 @@ from consilience.mechanism.elements import (
 from consilience.mechanism.functions import Function, Jet, Table, constant, linear, sine, through
 from consilience.mechanism.joint_rows import full_turns, joint_frames, row_gamma, row_jacobian, row_target, row_value
 from consilience.mechanism.joints import AXIS_COORDINATES, BASIC_CONSTRAINTS, JOINT_KINDS, JointKind
-from consilience.mechanism.model import GROUND, Body, Frame, Joint, Mechanism, State, check_inertia, require_states
+from consilience.mechanism.model import GROUND, Joint, Mechanism, State, require_states
 from consilience.mechanism.nearby_states import displaced_states, random_states
 from consilience.mechanism.observables import (
     body_point,
     centres_of_mass,
-    contact_gap,
     determinate_reactions,
     joint_spring_coordinates,
     joint_spring_motion,
@@ -105,6 +126,7 @@ from consilience.mechanism.spatial import (
     rotation_with_z_axis,
     skew,
 )
+from consilience.mechanism.stops import DryFriction, Stop
 from consilience.mechanism.units import Units, characteristic_length, in_units, own_units
 
 __all__ = [
@@ -113,15 +135,24 @@ __all__ = [
     "GROUND",
     "JOINT_KINDS",
     "RANK_TOLERANCE",
+    "TOUCHING",
     "Angles",
     "Array",
     "Body",
+    "BoxPlane",
+    "CapsulePlane",
+    "Compliance",
+    "Cone",
     "Contact",
+    "ContactLaw",
     "Control",
     "Coordinate",
     "Coupling",
+    "DiscPlane",
     "Drive",
+    "DryFriction",
     "ElementRow",
+    "ElementaryContact",
     "Frame",
     "Friction",
     "Function",
@@ -133,6 +164,7 @@ __all__ = [
     "Link",
     "Load",
     "Mechanism",
+    "NearestPoints",
     "ParameterEffects",
     "Perturbation",
     "PhysicalParameter",
@@ -146,6 +178,8 @@ __all__ = [
     "SphereSphere",
     "Spring",
     "State",
+    "Stop",
+    "SurfaceLaw",
     "Table",
     "Tree",
     "Units",
@@ -167,6 +201,8 @@ __all__ = [
     "constraint_rates",
     "constraint_residual",
     "contact_gap",
+    "contact_parts",
+    "contact_tangents",
     "continuous_in_time",
     "coordinates",
     "count_turns",
@@ -174,6 +210,7 @@ __all__ = [
     "determinate_reactions",
     "displaced_states",
     "drawing_state",
+    "elementary_contacts",
     "elementary_rotation",
     "euler_parameter_matrix",
     "fastest_rate",
@@ -199,6 +236,7 @@ __all__ = [
     "mass_matrix_condition",
     "mass_properties",
     "move",
+    "nearest_points",
     "non_holonomic_rows",
     "null_space",
     "orthogonal_triad",
@@ -214,6 +252,7 @@ __all__ = [
     "reaction_condition",
     "reaction_in_F",
     "reaction_map",
+    "refuse_overlap",
     "relative_motion",
     "require_states",
     "rolling_contact",
@@ -232,6 +271,7 @@ __all__ = [
     "row_target",
     "row_value",
     "scaled_jacobian",
+    "shapes_in_words",
     "sine",
     "singular_pose",
     "skew",

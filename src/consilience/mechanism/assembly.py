@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from consilience.errors import CannotAssemble, InvalidInput, require
+from consilience.mechanism.bodies import Frame
 from consilience.mechanism.constraints import (
     RANK_TOLERANCE,
     constraint_jacobian,
@@ -32,7 +33,7 @@ from consilience.mechanism.constraints import (
 from consilience.mechanism.element_rows import Angles
 from consilience.mechanism.joint_rows import joint_frames, row_jacobian, scatter
 from consilience.mechanism.joints import JOINT_KINDS
-from consilience.mechanism.model import GROUND, Frame, Joint, Mechanism, State
+from consilience.mechanism.model import GROUND, Joint, Mechanism, State
 from consilience.mechanism.singular import is_singular, move
 from consilience.mechanism.spatial import (
     Array,

@@ -1,57 +1,82 @@
-"""Contacts: pairs of shapes that may hit one another, with restitution and friction. Immutable data.
+"""Contacts: pairs of shapes that touch, slide, stick, roll and bounce, with the laws of each pair. Immutable data.
 
-A sphere or a corner on a plane, or two spheres. The normal points from `partner` to `body`, so that the gap opens along
-the normal. Between impacts contacts exert no force.
+The normal n points from `partner` to `body`, the gap opens along it. A shape other than a sphere or a point is a
+composite of them (`contact_parts`); the rim of a disc has its own nearest point. docs/contact.md has the equations.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields
+from itertools import product
+from typing import Any
 
 import numpy as np
 
 from consilience.errors import InvalidInput
-from consilience.mechanism.spatial import Array
+from consilience.mechanism.contact_laws import SurfaceLaw, in_range
+from consilience.mechanism.spatial import Array, fixed_array
 
 
-def _vector(where: str, value: Array) -> Array:
-    a = np.array(value, dtype=float)
-    if a.shape != (3,) or not np.all(np.isfinite(a)):
-        raise InvalidInput(where, "it is not three finite numbers", "Give a vector of shape (3,).")
-    a.setflags(write=False)
-    return a
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Pair(SurfaceLaw):
+    """What all contacts share: the checks, and the names of the features."""
+
+    def __post_init__(self) -> None:
+        pair: Any = self
+        where = f"contact '{pair.name}'"
+        if pair.body == pair.partner:
+            raise InvalidInput(where, f"both sides are '{pair.body}'", "Let two different bodies touch.")
+        for name in _VECTORS & vars(self).keys():
+            object.__setattr__(self, name, fixed_array(vars(self)[name], (3,), f"{where}: {name}"))
+        for name in _DIRECTIONS & vars(self).keys():
+            object.__setattr__(self, name, _unit(f"{where}: {name}", vars(self)[name]))
+        for name in _RADII & vars(self).keys():
+            in_range(f"{where}: {name}", vars(self)[name], 0.0, np.inf, "Give a radius above zero, in m.", True)
+        self.check_law(where)
+        if "normal" in vars(self) and self.cone.tangent is not None:
+            try:
+                self.cone.tangents(pair.normal)
+            except InvalidInput as error:
+                raise InvalidInput(f"{where}: {error.where}", error.what, error.remedy) from None
+
+    @property
+    def features(self) -> Iterator[str]:
+        """Features that an engine must represent for this contact, in the names of `Mechanism.features`."""
+        pair: Any = self
+        yield f"{_SHAPES[type(self).__name__]} contact"
+        for has, feature in (
+            (self.restitution > 0.0, "contact restitution"),
+            (self.friction > 0.0, "contact friction"),
+            (self.static_friction not in (None, self.friction), "static friction"),
+            (self.cone.kind != "circle", f"{self.cone.kind} cone"),
+            (self.associated, "associated cone"),
+            (self.impact_law == "poisson", "Poisson impact"),
+            (self.torsional > 0.0, "torsional friction"),
+            (self.rolling > 0.0, "rolling friction"),
+            (self.compliance is not None, "compliant contact"),
+            ("normal" in vars(self) and pair.partner != "ground", "moving plane contact"),
+        ):
+            if has:
+                yield feature
+
+
+_VECTORS = frozenset(("center", "corner", "point", "partner_center", "start", "end", "half_sizes"))
+_DIRECTIONS = frozenset(("normal", "axis"))
+_RADII = frozenset(("radius", "partner_radius"))
 
 
 def _unit(where: str, value: Array) -> Array:
-    a = _vector(where, value)
-    length = float(np.linalg.norm(a))
+    direction = fixed_array(value, (3,), where)
+    length = float(np.linalg.norm(direction))
     if length == 0.0:
-        raise InvalidInput(where, "it is the zero vector", "Give the direction out of the solid half-space.")
-    return _vector(where, a / length)
-
-
-_MADE = {"center": _vector, "corner": _vector, "point": _vector, "partner_center": _vector, "normal": _unit}
-"""Fields of contacts that are vectors, with the function that checks and freezes them."""
-
-
-def _check(contact: Contact) -> None:
-    """Refuse values out of range, and freeze the vectors."""
-    where, restitution, friction = f"contact '{contact.name}'", contact.restitution, contact.friction
-    if contact.body == contact.partner:
-        raise InvalidInput(where, f"both sides are '{contact.body}'", "Let two different bodies touch.")
-    if not 0.0 <= restitution <= 1.0:
-        raise InvalidInput(f"{where}: restitution", f"{restitution} is out of range", "Choose 0 to 1.")
-    if not 0.0 <= friction < np.inf:
-        raise InvalidInput(f"{where}: friction", f"{friction} is out of range", "Give a coefficient of at least 0.")
-    if not all(0.0 < value < np.inf for name, value in vars(contact).items() if name.endswith("radius")):
-        raise InvalidInput(f"{where}: radius", "it is not positive", "Give a radius above zero.")
-    for name, make in _MADE.items():
-        if name in vars(contact):
-            object.__setattr__(contact, name, make(f"{where}: {name}", getattr(contact, name)))
+        remedy = "Give the direction out of the solid half-space." if where.endswith("normal") else "Give a direction."
+        raise InvalidInput(where, "it is the zero vector", remedy)
+    return fixed_array(direction / length, (3,), where)
 
 
 @dataclass(frozen=True, eq=False)
-class SpherePlane:
+class SpherePlane(_Pair):
     """A sphere of one body and a solid half-space of another.
 
     Attributes
@@ -66,10 +91,6 @@ class SpherePlane:
         A point of the plane, from the origin of `partner`, in its axes.
     normal : ndarray, shape (3,)
         Out of the half-space, in axes of `partner`; made a unit vector.
-    restitution : float
-        Newton's coefficient s of ``vn+ = -s vn-``, 0 to 1.
-    friction : float
-        Coulomb's coefficient mu during an impact.
     """
 
     name: str
@@ -79,15 +100,10 @@ class SpherePlane:
     partner: str
     point: Array
     normal: Array
-    restitution: float
-    friction: float = 0.0
-
-    def __post_init__(self) -> None:
-        _check(self)
 
 
 @dataclass(frozen=True, eq=False)
-class PointPlane:
+class PointPlane(_Pair):
     """A corner, tip or other point of one body and a solid half-space of another; attributes as `SpherePlane`.
 
     Attributes
@@ -102,11 +118,6 @@ class PointPlane:
     partner: str
     point: Array
     normal: Array
-    restitution: float
-    friction: float = 0.0
-
-    def __post_init__(self) -> None:
-        _check(self)
 
     @property
     def center(self) -> Array:
@@ -120,7 +131,7 @@ class PointPlane:
 
 
 @dataclass(frozen=True, eq=False)
-class SphereSphere:
+class SphereSphere(_Pair):
     """Two spheres, each outside the other; attributes as `SpherePlane`."""
 
     name: str
@@ -130,11 +141,132 @@ class SphereSphere:
     partner: str
     partner_center: Array
     partner_radius: float
-    restitution: float
-    friction: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class DiscPlane(_Pair):
+    """The sharp rim of a circle on a solid half-space; attributes as `SpherePlane`.
+
+    Attributes
+    ----------
+    center : ndarray, shape (3,), m
+        Of the circle.
+    axis : ndarray, shape (3,)
+        Normal of the circle in axes of `body`; made a unit vector.
+    radius : float, m
+        Of the circle.
+    """
+
+    name: str
+    body: str
+    center: Array
+    axis: Array
+    radius: float
+    partner: str
+    point: Array
+    normal: Array
+
+
+@dataclass(frozen=True, eq=False)
+class BoxPlane(_Pair):
+    """The eight corners of a box on a solid half-space; attributes as `SpherePlane`.
+
+    Attributes
+    ----------
+    center : ndarray, shape (3,), m
+        Of the box.
+    half_sizes : ndarray, shape (3,), m
+        Half of its edges, along its axes.
+    orientation : ndarray, shape (3, 3)
+        Rotation matrix, axes of the box to axes of `body`; default: those of the body.
+    """
+
+    name: str
+    body: str
+    center: Array
+    half_sizes: Array
+    partner: str
+    point: Array
+    normal: Array
+    orientation: Array = field(default_factory=lambda: np.eye(3), kw_only=True)
 
     def __post_init__(self) -> None:
-        _check(self)
+        super().__post_init__()
+        where = f"contact '{self.name}'"
+        if not np.all(self.half_sizes > 0.0):
+            raise InvalidInput(f"{where}: half_sizes", "one is not positive", "Give half of each edge, above zero.")
+        R = fixed_array(self.orientation, (3, 3), f"{where}: orientation")
+        if np.max(np.abs(R.T @ R - np.eye(3))) > 1e-9 or np.linalg.det(R) < 0.0:
+            what = "the matrix is not a rotation"
+            raise InvalidInput(f"{where}: orientation", what, "Give an orthogonal matrix of determinant +1.")
+        object.__setattr__(self, "orientation", R)
 
 
-Contact = SpherePlane | PointPlane | SphereSphere
+@dataclass(frozen=True, eq=False)
+class CapsulePlane(_Pair):
+    """The two end spheres of a capsule on a solid half-space; attributes as `SpherePlane`.
+
+    Attributes
+    ----------
+    start, end : ndarray, shape (3,), m
+        Centres of the end spheres, from the origin of `body`, in its axes.
+    radius : float, m
+    """
+
+    name: str
+    body: str
+    start: Array
+    end: Array
+    radius: float
+    partner: str
+    point: Array
+    normal: Array
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if np.array_equal(self.start, self.end):
+            remedy = "Draw them apart, or give a sphere."
+            raise InvalidInput(f"contact '{self.name}': end", "the ends of the capsule coincide", remedy)
+
+
+ElementaryContact = SpherePlane | PointPlane | SphereSphere | DiscPlane
+"""Contacts with one nearest point."""
+
+Contact = ElementaryContact | BoxPlane | CapsulePlane
+
+_SHAPES = {
+    "SpherePlane": "sphere on plane",
+    "PointPlane": "point on plane",
+    "SphereSphere": "sphere on sphere",
+    "DiscPlane": "disc on plane",
+    "BoxPlane": "box on plane",
+    "CapsulePlane": "capsule on plane",
+}
+"""Shapes of each class of contacts in words."""
+
+
+def shapes_in_words(contact: Contact) -> str:
+    """Return the shapes of a contact in words, such as ``sphere on plane``."""
+    return _SHAPES[type(contact).__name__]
+
+
+def contact_parts(contact: Contact) -> tuple[ElementaryContact, ...]:
+    """Return the contacts with one nearest point of which a contact is made, ``box[0]``, ``box[1]``, ...
+
+    Corners of a box are in the order of the signs (-, -, -), (-, -, +), ... (+, +, +) of their coordinates in the box;
+    ends of a capsule as `start`, `end`. A contact with one nearest point is its own part.
+    """
+    if not isinstance(contact, BoxPlane | CapsulePlane):
+        return (contact,)
+    law = {one.name: getattr(contact, one.name) for one in fields(SurfaceLaw)}
+    plane = (contact.partner, contact.point, contact.normal)
+    if isinstance(contact, CapsulePlane):
+        ends = enumerate((contact.start, contact.end))
+        return tuple(
+            SpherePlane(f"{contact.name}[{n}]", contact.body, end, contact.radius, *plane, **law) for n, end in ends
+        )
+    corners = [
+        contact.center + contact.orientation @ (np.array(signs) * contact.half_sizes)
+        for signs in product((-1.0, 1.0), repeat=3)
+    ]
+    return tuple(PointPlane(f"{contact.name}[{n}]", contact.body, c, *plane, **law) for n, c in enumerate(corners))

@@ -41,8 +41,9 @@ from typing import Literal
 import numpy as np
 
 from consilience.errors import InvalidInput
+from consilience.mechanism.bodies import Frame
 from consilience.mechanism.constraints import RelativeMotion, relative_motion
-from consilience.mechanism.model import GROUND, Frame, Joint, Mechanism, State
+from consilience.mechanism.model import GROUND, Joint, Mechanism, State
 from consilience.mechanism.spanning_tree import spanning_tree
 from consilience.mechanism.spatial import Array, cross, elementary_rotation, quaternion_from_rotation
 

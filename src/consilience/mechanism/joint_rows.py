@@ -21,7 +21,8 @@ from functools import cached_property
 
 import numpy as np
 
-from consilience.mechanism.model import GROUND, Frame, Joint, Mechanism, State
+from consilience.mechanism.bodies import Frame
+from consilience.mechanism.model import GROUND, Joint, Mechanism, State
 from consilience.mechanism.spatial import Array, cross, plain_cross
 
 TURN = 2 * np.pi

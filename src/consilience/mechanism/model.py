@@ -11,106 +11,19 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, fields
 from functools import cached_property
-from numbers import Real
 from typing import ClassVar
 
 import numpy as np
 
 from consilience.errors import InvalidInput, require
+from consilience.mechanism.bodies import Body, Frame
 from consilience.mechanism.contacts import Contact
 from consilience.mechanism.elements import Control, Coupling, Drive, Friction, JointSpring, Load, Rolling, Skate, Spring
 from consilience.mechanism.joints import AXIS_COORDINATES, JOINT_KINDS
-from consilience.mechanism.spatial import Array, cross, fixed_array, rotation_from_quaternion
+from consilience.mechanism.spatial import Array, fixed_array, rotation_from_quaternion
+from consilience.mechanism.stops import DryFriction, Stop
 
 GROUND = "ground"
-_ONE = np.eye(3)
-
-
-@dataclass(frozen=True, eq=False)
-class Frame:
-    """A frame fixed to a body: joint coordinate system, or marker.
-
-    Attributes
-    ----------
-    p : ndarray, shape (3,), m
-        Origin from the body's origin, in body axes.
-    R : ndarray, shape (3, 3)
-        Rotation matrix, frame components to body components.
-    """
-
-    p: Array
-    R: Array
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "p", fixed_array(self.p, (3,), "frame: p"))
-        hint = " Of a quaternion: consilience.mechanism.rotation_from_quaternion."
-        object.__setattr__(self, "R", fixed_array(self.R, (3, 3), "frame: R", hint))
-        x, y, z = self.R.T
-        if np.max(np.abs(self.R.T @ self.R - _ONE)) > 1e-9 or cross(x, y) @ z < 0:
-            raise InvalidInput("frame", "the matrix is not a rotation", "Give an orthogonal matrix of determinant +1.")
-
-
-@dataclass(frozen=True, eq=False)
-class Body:
-    """A rigid body.
-
-    Attributes
-    ----------
-    name : str
-    mass : float, kg
-        Positive.
-    com : ndarray, shape (3,), m
-        Centre of mass from the body's origin, in body axes (``p_BBcm_B``).
-    inertia : ndarray, shape (3, 3), kg m^2
-        Inertia tensor about the centre of mass in body axes (``I_BBcm_B``): ``I[0, 1] = -sum m x y``.
-    drawing : Frame
-        Pose of the body in the drawing, from the world origin (``p_WB``, ``R_WB``).
-    """
-
-    name: str
-    mass: float
-    com: Array
-    inertia: Array
-    drawing: Frame
-
-    def __post_init__(self) -> None:
-        where = f"body '{self.name}'"
-        object.__setattr__(self, "com", fixed_array(self.com, (3,), f"{where}: com"))
-        hint = " Of principal moments: np.diag([1.0, 1.0, 1.0])."
-        object.__setattr__(self, "inertia", fixed_array(self.inertia, (3, 3), f"{where}: inertia", hint))
-        require(self.drawing, Frame, f"{where}: drawing", "Give Frame(p, R), the pose in the drawing.")
-        require(self.mass, Real, f"{where}: mass", "Give a number, in kg.")
-        if not (np.isfinite(self.mass) and self.mass > 0):
-            raise InvalidInput(f"{where}: mass", f"{self.mass} kg is not positive", "Give a mass above zero.")
-        check_inertia(self.inertia, f"{where}: inertia")
-
-
-def check_inertia(inertia: Array, where: str) -> None:
-    """Refuse an inertia tensor that no rigid body can have.
-
-    Raises
-    ------
-    InvalidInput
-        If the tensor is not symmetric, not positive definite, or violates the triangle inequality of its principal
-        moments.
-    """
-    if np.max(np.abs(inertia - inertia.T)) > 1e-12 * np.max(np.abs(inertia)):
-        raise InvalidInput(where, "the tensor is not symmetric", "Give a symmetric 3 x 3 tensor.")
-    principal = np.linalg.eigvalsh(inertia)
-    text = ", ".join(f"{m:.6g}" for m in principal)
-    if principal[0] <= 0:
-        raise InvalidInput(
-            where,
-            f"principal moments {text} kg m^2 are not all positive",
-            "Give a three-dimensional body: all principal moments above zero.",
-        )
-    if principal[0] + principal[1] < principal[2] * (1 - 1e-12):
-        raise InvalidInput(
-            where,
-            f"principal moments {text} kg m^2 violate the triangle inequality: no mass distribution has them",
-            "The sum of any two principal moments must be at least the third; "
-            "check the signs of the products of inertia (Ixy = -sum m x y).",
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,7 +75,9 @@ class Joint:
         return JOINT_KINDS[self.kind].rows
 
 
-Element = Spring | JointSpring | Load | Friction | Control | Drive | Coupling | Rolling | Skate | Contact
+Element = (
+    Spring | JointSpring | Load | Friction | Control | Drive | Coupling | Rolling | Skate | Contact | Stop | DryFriction
+)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -181,7 +96,9 @@ class Mechanism:
     drives, couplings, rollings, skates : tuple
         Constraints other than joints.
     contacts : tuple
-        Shapes that may hit one another.
+        Shapes that may touch.
+    stops, dry_frictions : tuple
+        Limits of joint coordinates, and friction in them that sticks.
 
     Raises
     ------
@@ -203,6 +120,8 @@ class Mechanism:
     rollings: tuple[Rolling, ...] = ()
     skates: tuple[Skate, ...] = ()
     contacts: tuple[Contact, ...] = ()
+    stops: tuple[Stop, ...] = ()
+    dry_frictions: tuple[DryFriction, ...] = ()
 
     html: ClassVar[Callable[[Mechanism], str] | None] = None
     """Function that draws a mechanism for notebooks: the library sets it, which knows how to draw."""
@@ -251,13 +170,15 @@ class Mechanism:
     def features(self) -> dict[str, str]:
         """Features beyond bodies that an engine must represent, each with the first joint or element that has it.
 
-        Features are joint kinds, such as ``screw joint``, and kinds of elements, such as ``drive`` or ``actuator``.
+        Features are joint kinds, such as ``screw joint``, kinds of elements, such as ``drive`` or ``actuator``, and
+        shapes and laws of contacts, such as ``sphere on plane contact`` and ``contact friction``.
         """
         found: dict[str, str] = {}
         for joint in self.joints:
             found.setdefault(f"{joint.kind} joint", f"joint '{joint.name}'")
         for what, element in self._elements:
-            found.setdefault(what, f"{what} '{element.name}'")
+            for feature in element.features if isinstance(element, Contact | Stop | DryFriction) else (what,):
+                found.setdefault(feature, f"{what} '{element.name}'")
             if isinstance(element, Spring | JointSpring) and element.actuator is not None:
                 found.setdefault("actuator", f"{what} '{element.name}'")
             if isinstance(element, Load) and element.history is not None:
@@ -297,7 +218,16 @@ class Mechanism:
             if name not in self.body_index:
                 known = ", ".join(self.body_index)
                 raise InvalidInput(where, f"there is no body '{name}'", f"Bodies are: {known}.")
+        self._check_elements()
+
+    def _check_elements(self) -> None:
+        """Refuse limits of driven coordinates, and guides on the ground."""
         guided: tuple[Rolling | Skate, ...] = (*self.rollings, *self.skates)
+        driven = {(d.joint, d.coordinate): d.name for d in self.drives}
+        for stop in self.stops:
+            if (stop.joint, stop.coordinate) in driven:
+                what = f"drive '{driven[stop.joint, stop.coordinate]}' moves this coordinate, whatever the limit"
+                raise InvalidInput(f"stop '{stop.name}'", what, "Remove the stop or the drive.")
         for rolls in guided:
             if rolls.body == GROUND:
                 raise InvalidInput(

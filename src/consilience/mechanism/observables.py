@@ -22,7 +22,6 @@ from consilience.mechanism.constraints import (
     row_sizes,
     scaled_jacobian,
 )
-from consilience.mechanism.contacts import Contact, SphereSphere
 from consilience.mechanism.joint_rows import joint_frames, row_jacobians
 from consilience.mechanism.model import GROUND, Joint, Mechanism, State
 from consilience.mechanism.spatial import Array, crosses, skew
@@ -92,17 +91,6 @@ def body_point(mechanism: Mechanism, motion: BodyMotion, body: str, point: Array
     i = mechanism.body_index[body]
     arm = motion.R_WB[..., i, :, :] @ point
     return motion.p_WB[..., i, :] + arm, motion.v_WB_W[..., i, :] + crosses(motion.w_WB_W[..., i, :], arm)
-
-
-def contact_gap(mechanism: Mechanism, state: State, contact: Contact) -> float:
-    """Return the gap of a contact at a state in m, negative where the shapes overlap."""
-    center, _ = body_point(mechanism, state, contact.body, contact.center)
-    if isinstance(contact, SphereSphere):
-        other, _ = body_point(mechanism, state, contact.partner, contact.partner_center)
-        return float(np.linalg.norm(center - other)) - contact.radius - contact.partner_radius
-    point, _ = body_point(mechanism, state, contact.partner, contact.point)
-    tip, _ = body_point(mechanism, state, contact.partner, contact.point + contact.normal)
-    return float((tip - point) @ (center - point)) - contact.radius
 
 
 def joint_spring_motion(mechanism: Mechanism, state: State, joint: str, coordinate: str) -> tuple[float, float]:

@@ -16,9 +16,10 @@ import numpy as np
 
 from consilience.errors import CannotAssemble
 from consilience.mechanism.assembly import assemble_positions, assemble_velocities
+from consilience.mechanism.bodies import Frame
 from consilience.mechanism.constraints import free_directions
 from consilience.mechanism.functions import Function, Table
-from consilience.mechanism.model import GROUND, Frame, Joint, Mechanism, State
+from consilience.mechanism.model import GROUND, Joint, Mechanism, State
 from consilience.mechanism.spatial import Array, quaternion_from_rotation_vector, rotation_from_quaternion
 from consilience.mechanism.units import characteristic_length
 
@@ -44,7 +45,9 @@ _COEFFICIENTS: dict[str, tuple[str, ...]] = {
     "drives": ("motion",),
     "couplings": ("law",),
     "rollings": ("radius", "rounding"),
-    "contacts": ("restitution", "friction"),
+    "contacts": ("restitution", "friction", "static_friction", "torsional", "rolling"),
+    "stops": ("restitution", "lower", "upper"),
+    "dry_frictions": ("bound", "coefficient", "radius"),
 }
 """Coefficients of each group of elements."""
 

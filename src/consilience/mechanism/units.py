@@ -12,8 +12,11 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from consilience.mechanism.bodies import Body, Frame
+from consilience.mechanism.contact_laws import Compliance
 from consilience.mechanism.functions import Function, Table
-from consilience.mechanism.model import GROUND, Body, Frame, Mechanism
+from consilience.mechanism.model import GROUND, Mechanism
+from consilience.mechanism.stops import Stop
 
 _T = TypeVar("_T")
 
@@ -50,6 +53,11 @@ _DIMENSIONS: dict[str, tuple[int, int, int]] = {
     "com": (1, 0, 0),
     "inertia": (2, 1, 0),
     "time": (0, 0, 1),
+    "contact_force": (1, 1, -2),
+    "contact_gap": (1, 0, 0),
+    "contact_impulse": (1, 1, -1),
+    "contact_loss": (2, 1, -2),
+    "event_time": (0, 0, 1),
 }
 """Powers of length, mass and time of the fields of states and answers."""
 
@@ -107,7 +115,16 @@ _FACTORS: dict[str, dict[str, str]] = {
     "couplings": {"law": "coordinate"},
     "rollings": {"center": "length", "point": "length", "radius": "length", "rounding": "length"},
     "skates": {"point": "length"},
-    "contacts": dict.fromkeys(("center", "corner", "point", "partner_center", "radius", "partner_radius"), "length"),
+    "contacts": dict.fromkeys(
+        (
+            *("center", "corner", "start", "end", "half_sizes", "radius", "point", "partner_center", "partner_radius"),
+            *("torsional", "rolling"),
+        ),
+        "length",
+    )
+    | {"compliance": "compliance"},
+    "stops": {"lower": "coordinate", "upper": "coordinate"},
+    "dry_frictions": {"bound": "|effort|", "radius": "length"},
 }
 """Dimension of each number, vector or function of each kind of element; see `_factors`."""
 
@@ -176,8 +193,13 @@ def in_units(
             old = vars(element).get(name)
             if isinstance(old, Function):
                 new[name] = rescaled(old, factors[dimension], argument)
+            elif isinstance(old, Compliance):
+                units = factors["force / length"], factors["force time / length"]
+                new[name] = Compliance(old.stiffness * units[0], old.damping * units[1])
             elif old is not None:
                 new[name] = old * factors[dimension]
+        if isinstance(element, Stop) and own < 0.0:
+            new["lower"], new["upper"] = new.get("upper"), new.get("lower")
         return replace(element, **new)
 
     elements: dict[str, Any] = {

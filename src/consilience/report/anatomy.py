@@ -25,7 +25,6 @@ from consilience.mechanism import (
     centres_of_mass,
     characteristic_length,
     constraint_residual,
-    contact_gap,
     determinate_reactions,
     frictions_too_steep,
     joint_frames,
@@ -36,9 +35,6 @@ from consilience.mechanism import (
 from consilience.report.selection import grouped
 
 COMPONENTS = ("force x", "force y", "force z", "torque x", "torque y", "torque z")
-
-TOUCHING = 1e-10
-"""Largest gap of a closed contact, over the characteristic length."""
 
 FAST = 1.0
 """Largest phase of the fastest motion in one sample, rad, that engines with a few steps per sample can follow."""
@@ -224,15 +220,8 @@ def warnings(case: Case) -> list[str]:
 
 
 def _edges(case: Case) -> Iterator[str]:
-    """Describe contacts that are closed at the start, and friction too steep to integrate."""
+    """Describe friction too steep to integrate."""
     mechanism = case.mechanism
-    length = characteristic_length(mechanism)
-    for contact in mechanism.contacts:
-        if contact_gap(mechanism, case.initial_state, contact) <= TOUCHING * length:
-            yield (
-                f"contact '{contact.name}' is closed at the start: a contact that lasts is refused at 0 s, and "
-                "contacts closed together take part in one impact, with another result than in turn after any gap"
-            )
     for friction in frictions_too_steep(mechanism):
         yield f"friction '{friction.name}': the speed {friction.speed:g} is too small to integrate"
 

@@ -16,6 +16,7 @@ from consilience.mechanism import (
     State,
     body_point,
     centres_of_mass,
+    elementary_contacts,
     joint_frames,
     rotation_from_quaternion,
     rotation_with_z_axis,
@@ -118,7 +119,8 @@ def figure_of(mechanism: Mechanism, state: State) -> Figure3D:
         for i, body in enumerate(mechanism.bodies)
     ]
     lines = []
-    round_ones = {r.body for r in mechanism.rollings} | {c.body for c in mechanism.contacts if c.radius}
+    spheres = [part for part in elementary_contacts(mechanism) if part.radius]
+    round_ones = {r.body for r in mechanism.rollings} | {c.body for c in spheres}
     for i, body in enumerate(mechanism.bodies):
         own = list(_skeleton(ends[body.name] or [state.p_WB[i]], centers[i]))
         lines += [Polyline(i, "body", line) for line in own]
@@ -211,7 +213,7 @@ def _other_lines(mechanism: Mechanism, state: State) -> Iterator[Polyline]:
         across = R @ rotation_with_z_axis(r.axis)
         center = body_point(mechanism, state, r.body, r.center)[0]
         yield Polyline(i, "circle", _circle(center, across, r.radius + r.rounding))
-    for c in mechanism.contacts:
+    for c in elementary_contacts(mechanism):
         if c.radius and c.body != GROUND:
             center = body_point(mechanism, state, c.body, c.center)[0]
             for k in range(3):  # three great circles

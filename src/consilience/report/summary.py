@@ -11,15 +11,19 @@ from consilience.case import Case
 from consilience.compare import Verdict
 from consilience.compare.judge import REFERENCE
 from consilience.mechanism import (
+    Contact,
+    DryFriction,
     Joint,
     JointSpring,
     Load,
     Mechanism,
     Spring,
     State,
+    Stop,
     constraint_residual,
     joint_coordinates,
     relative_motion,
+    shapes_in_words,
 )
 from consilience.report.anatomy import anatomy, dependency_lines, expected_lines, freedom_line
 from consilience.report.record import Record
@@ -113,6 +117,36 @@ def _load(load: Load) -> str:
     return f"{load.kind} {load.name}: {_vector(load.vector)}, fixed in the {load.frame}{varies}"
 
 
+def _contact(c: Contact) -> str:
+    """Describe shapes and laws of a contact; laws at their defaults are left out."""
+    words = [f"contact {c.name}: {c.body} on {c.partner}, {shapes_in_words(c)}, restitution {c.restitution:g}"]
+    words[0] += " (Poisson)" if c.impact_law == "poisson" else ""
+    words.append(f"friction {c.friction:g}")
+    if c.static_friction is not None:
+        words[-1] += f" (sticking {c.static_friction:g})"
+    if c.cone.kind != "circle":
+        words[-1] += f" in a pyramid of {c.cone.facets} facets" if c.cone.kind == "pyramid" else " in a box"
+    words += ["associated"] if c.associated else []
+    words += [f"{name} friction {getattr(c, name):g} m" for name in ("torsional", "rolling") if getattr(c, name)]
+    if c.compliance is not None:
+        words.append(f"stiffness {c.compliance.stiffness:g} N/m, damping {c.compliance.damping:g} N s/m")
+    return ", ".join(words)
+
+
+def _stop(s: Stop) -> str:
+    limits = [f"{value:g} {sign} " for value, sign in ((s.lower, "<="),) if value is not None]
+    limits += [f"{s.coordinate} of {s.joint}"]
+    limits += [f" <= {s.upper:g}"] if s.upper is not None else []
+    return f"stop {s.name}: {''.join(limits)}, restitution {s.restitution:g}"
+
+
+def _dry_friction(d: DryFriction) -> str:
+    where = f"dry friction {d.name}: {d.coordinate} of {d.joint}"
+    if d.bound is not None:
+        return f"{where}, bound {d.bound:g}"
+    return f"{where}, coefficient {d.coefficient:g}" + ("" if d.radius is None else f", radius {d.radius:g} m")
+
+
 _ELEMENTS = {
     "frictions": "friction {0.name}: {0.joint}, viscous {0.viscous:g}, Coulomb {0.coulomb:g} regularised",
     "controls": "control {0.name}: {0.coordinate} of {0.joint}, "
@@ -120,7 +154,6 @@ _ELEMENTS = {
     "drives": "drive {0.name}: {0.coordinate} of {0.joint} is a function of time",
     "couplings": "coupling {0.name}: {0.coordinate} of {0.joint} follows {0.driver_coordinate} of {0.driver_joint}",
     "rollings": "rolling {0.name}: {0.body}, radius {0.radius:g} m, rounding {0.rounding:g} m",
-    "contacts": "contact {0.name}: {0.body} on {0.partner}, restitution {0.restitution:g}, friction {0.friction:g}",
 }
 """Line of an element in a description, by the field of a mechanism that has the elements."""
 
@@ -128,6 +161,9 @@ _ELEMENTS = {
 def _elements(mechanism: Mechanism) -> Iterator[str]:
     """Describe each element that is neither a spring nor a load."""
     yield from (line.format(element) for field, line in _ELEMENTS.items() for element in getattr(mechanism, field))
+    yield from (_contact(contact) for contact in mechanism.contacts)
+    yield from (_stop(stop) for stop in mechanism.stops)
+    yield from (_dry_friction(friction) for friction in mechanism.dry_frictions)
     yield from (f"skate {s.name}: {s.body}, no motion along {_vector(s.lateral)}" for s in mechanism.skates)
 
 

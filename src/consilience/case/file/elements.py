@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from consilience.case.file.contact_schema import ConeTable, ContactTable
 from consilience.case.file.problems import gathered
 from consilience.case.file.schema import (
     CaseTable,
-    ContactTable,
     CouplingTable,
     ForceTable,
     FrictionTable,
@@ -27,10 +27,16 @@ from consilience.case.file.values import FunctionTable, TableModel
 from consilience.errors import InvalidInput
 from consilience.mechanism import (
     Array,
+    BoxPlane,
+    CapsulePlane,
+    Compliance,
+    Cone,
     Contact,
     Control,
     Coupling,
+    DiscPlane,
     Drive,
+    DryFriction,
     Frame,
     Friction,
     Function,
@@ -42,6 +48,8 @@ from consilience.mechanism import (
     SpherePlane,
     SphereSphere,
     Spring,
+    Stop,
+    SurfaceLaw,
     linear,
 )
 
@@ -88,6 +96,8 @@ def elements(table: CaseTable, drawing: DrawnFrames, problems: list[InvalidInput
         "rollings": made(lambda r: _rolling(r, drawing), table.rolling),
         "skates": made(lambda s: _skate(s, drawing), table.skate),
         "contacts": made(lambda c: _contact(c, drawing), table.contact),
+        "stops": made(lambda s: _element(Stop, "stop", s), table.stop),
+        "dry_frictions": made(lambda d: _element(DryFriction, "dry friction", d), table.dry_friction),
     }
 
 
@@ -166,13 +176,38 @@ def _skate(s: SkateTable, drawing: DrawnFrames) -> Any:
 def _contact(c: ContactTable, drawing: DrawnFrames) -> Contact:
     """Contact of the class that the fields of the table stand for."""
     where = f"contact '{c.name}'"
-    center, law = _point(drawing, c.body, c.at, f"{where}: body"), (c.restitution, c.friction)
-    partner = drawn(drawing, c.partner, f"{where}: partner")
+    own, partner = drawn(drawing, c.body, f"{where}: body"), drawn(drawing, c.partner, f"{where}: partner")
+    at, law = _point(drawing, c.body, c.at, where), _surface(c, partner, where)
     if c.partner_at is not None and c.partner_radius is not None:
         other = _point(drawing, c.partner, c.partner_at, where)
-        return SphereSphere(c.name, c.body, center, c.radius, c.partner, other, c.partner_radius, *law)
+        return SphereSphere(c.name, c.body, at, c.radius, c.partner, other, c.partner_radius, **law)
     assert c.point is not None
     plane = (c.partner, _point(drawing, c.partner, c.point, where), partner.R.T @ np.array(c.normal))
+    if c.half_sizes is not None:
+        axes = own.R if c.orientation is None else c.orientation.matrix()
+        return BoxPlane(c.name, c.body, at, np.array(c.half_sizes), *plane, orientation=own.R.T @ axes, **law)
+    if c.to is not None:
+        return CapsulePlane(c.name, c.body, at, _point(drawing, c.body, c.to, where), c.radius, *plane, **law)
+    if c.axis is not None:
+        return DiscPlane(c.name, c.body, at, own.R.T @ np.array(c.axis), c.radius, *plane, **law)
     if c.radius == 0.0:
-        return PointPlane(c.name, c.body, center, *plane, *law)
-    return SpherePlane(c.name, c.body, center, c.radius, *plane, *law)
+        return PointPlane(c.name, c.body, at, *plane, **law)
+    return SpherePlane(c.name, c.body, at, c.radius, *plane, **law)
+
+
+def _surface(c: ContactTable, partner: Frame, where: str) -> dict[str, Any]:
+    """Return the fields of the laws of a contact; the tangent of the drawing in axes of the partner."""
+    law = {one.name: getattr(c, one.name) for one in fields(SurfaceLaw)}
+    try:
+        cone = Cone() if c.cone is None else Cone(c.cone.kind, c.cone.facets, c.cone.offset, _tangent(c.cone, partner))
+        compliance = c.compliance and Compliance(c.compliance.stiffness, c.compliance.damping)
+    except InvalidInput as error:
+        raise InvalidInput(f"{where}: {error.where}", error.what, error.remedy) from None
+    return law | {"cone": cone, "compliance": compliance}
+
+
+def _tangent(cone: ConeTable, partner: Frame) -> tuple[float, float, float] | None:
+    if cone.tangent is None:
+        return None
+    x, y, z = partner.R.T @ np.array(cone.tangent)
+    return float(x), float(y), float(z)

@@ -10,7 +10,19 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from consilience.case.file.values import Finite, FunctionTable, Name, Orientation, Positive, TableModel, Text, Triple
+from consilience.case.file.contact_schema import ContactTable, DryFrictionTable, StopTable
+from consilience.case.file.values import (
+    AxisCoordinate,
+    Finite,
+    FunctionTable,
+    InJoint,
+    Name,
+    Orientation,
+    Positive,
+    TableModel,
+    Text,
+    Triple,
+)
 from consilience.case.published import ACCELERATIONS, OF_A_BODY, OF_A_JOINT, REACTIONS, Origin
 from consilience.mechanism import JOINT_KINDS, Array
 
@@ -63,9 +75,6 @@ class JointTable(TableModel):
     )
 
 
-AxisCoordinate = Literal["angle", "distance"]
-
-
 class SpringTable(TableModel):
     """Spring-damper-actuator between two points."""
 
@@ -80,13 +89,7 @@ class SpringTable(TableModel):
     actuator: FunctionTable | None = Field(None, description="Force over time that pushes the points apart, N.")
 
 
-class _InJoint(TableModel):
-    name: Name
-    joint: Name
-    coordinate: AxisCoordinate
-
-
-class JointSpringTable(_InJoint):
+class JointSpringTable(InJoint):
     """Spring-damper-actuator about or along the axis of a joint."""
 
     stiffness: Finite = Field(description="N m/rad or N/m.")
@@ -95,7 +98,7 @@ class JointSpringTable(_InJoint):
     actuator: FunctionTable | None = Field(None, description="Effort on the successor over time, N m or N.")
 
 
-class FrictionTable(_InJoint):
+class FrictionTable(InJoint):
     """Viscous and regularised Coulomb friction in a joint, ``-(viscous q' + coulomb tanh(q' / speed))``."""
 
     viscous: Finite = Field(0.0, description="N m s/rad or N s/m.")
@@ -103,7 +106,7 @@ class FrictionTable(_InJoint):
     speed: Finite | None = Field(None, description="Speed that regularises the Coulomb part, rad/s or m/s.")
 
 
-class ControlTable(_InJoint):
+class ControlTable(InJoint):
     """PID control of a joint coordinate, ``P e + I int e dt + D e'`` with ``e = target(t) - q``."""
 
     target: FunctionTable = Field(description="Over time, rad or m.")
@@ -112,7 +115,7 @@ class ControlTable(_InJoint):
     derivative: Finite = 0.0
 
 
-class DriveTable(_InJoint):
+class DriveTable(InJoint):
     """A joint coordinate as a function of time."""
 
     motion: FunctionTable = Field(description="Over time, rad or m.")
@@ -160,32 +163,6 @@ class SkateTable(TableModel):
     body: Name
     at: Triple = Field(description="The point in the drawing, m.")
     lateral: Triple = Field(description="Direction in the drawing in which it does not move; it turns with the body.")
-
-
-class ContactTable(TableModel):
-    """A sphere or corner of a body that may hit a plane or a sphere of another one; between impacts nothing acts."""
-
-    name: Name
-    body: Name
-    partner: Name = Field("ground", description="Body that carries the plane or the other sphere.")
-    at: Triple = Field(description="Centre of the sphere, or the corner, in the drawing, m.")
-    radius: Finite = Field(0.0, description="Of the sphere, m; zero for a corner.")
-    point: Triple | None = Field(None, description="A point of the plane in the drawing, m.")
-    normal: Triple | None = Field(None, description="Normal of the plane towards the body, in the drawing.")
-    partner_at: Triple | None = Field(None, description="Centre of the other sphere in the drawing, m.")
-    partner_radius: Finite | None = Field(None, description="Of the other sphere, m.")
-    restitution: Finite = Field(description="Speed of separation over speed of approach, 0 to 1.")
-    friction: Finite = Field(0.0, description="Coefficient of Coulomb's friction during the impact.")
-
-    @model_validator(mode="after")
-    def _plane_or_sphere(self) -> ContactTable:
-        plane = [self.point is not None, self.normal is not None]
-        sphere = [self.partner_at is not None, self.partner_radius is not None]
-        if not (all(plane) and not any(sphere)) and not (all(sphere) and not any(plane)):
-            raise ValueError("give point and normal of a plane, or partner_at and partner_radius of a sphere")
-        if all(sphere) and self.radius == 0.0:
-            raise ValueError("a corner hits a plane; give the radius of this sphere, too")
-        return self
 
 
 class ForceTable(TableModel):
@@ -338,6 +315,8 @@ class CaseTable(TableModel):
     rolling: Annotated[list[RollingTable], _MANY] = Field(default_factory=list)
     skate: Annotated[list[SkateTable], _MANY] = Field(default_factory=list)
     contact: Annotated[list[ContactTable], _MANY] = Field(default_factory=list)
+    stop: Annotated[list[StopTable], _MANY] = Field(default_factory=list)
+    dry_friction: Annotated[list[DryFrictionTable], _MANY] = Field(default_factory=list)
     initial: InitialTable = Field(default_factory=InitialTable)
     trajectory: TrajectoryTable = Field(default_factory=TrajectoryTable)
     instant: InstantTable = Field(default_factory=InstantTable)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
@@ -44,6 +44,17 @@ class TableModel(BaseModel):
     """A table without unknown fields."""
 
     model_config = ConfigDict(extra="forbid", strict=False, frozen=True, defer_build=True)
+
+
+AxisCoordinate = Literal["angle", "distance"]
+
+
+class InJoint(TableModel):
+    """An element in a joint coordinate."""
+
+    name: Name
+    joint: Name
+    coordinate: AxisCoordinate
 
 
 class Orientation(TableModel):

@@ -22,7 +22,11 @@ from consilience.mechanism import (
     GROUND,
     Array,
     Body,
+    BoxPlane,
+    CapsulePlane,
+    Cone,
     Contact,
+    DiscPlane,
     Frame,
     Function,
     Initial,
@@ -31,6 +35,7 @@ from consilience.mechanism import (
     Mechanism,
     PointPlane,
     SphereSphere,
+    SurfaceLaw,
     quaternion_from_rotation,
 )
 
@@ -188,6 +193,11 @@ def _in_joint(element: Any, *names: str) -> TomlTable:
     return _copied(element, "joint", "coordinate", *names)
 
 
+def _set(element: Any, *names: str) -> list[str]:
+    """Names of the fields that are not None."""
+    return [name for name in names if getattr(element, name) is not None]
+
+
 def _elements(m: Mechanism) -> dict[str, list[TomlTable]]:
     """Tables of all elements by kind, with points and directions in the drawing."""
     return {
@@ -220,18 +230,47 @@ def _elements(m: Mechanism) -> dict[str, list[TomlTable]]:
             for s in m.skates
         ],
         "contact": [_contact(c, m) for c in m.contacts],
+        "stop": [_in_joint(s, *_set(s, "lower", "upper"), "restitution") for s in m.stops],
+        "dry_friction": [_in_joint(d, *_set(d, "bound", "coefficient", "radius")) for d in m.dry_frictions],
     }
 
 
 def _contact(c: Contact, m: Mechanism) -> TomlTable:
-    table = _copied(c, "body", "partner") | {"at": _point(m, c.body, c.center)}
-    if not isinstance(c, PointPlane):
+    table = _copied(c, "body", "partner")
+    if isinstance(c, CapsulePlane):
+        table |= {"at": _point(m, c.body, c.start), "to": _point(m, c.body, c.end)}
+    else:
+        table |= {"at": _point(m, c.body, c.center)}
+    if isinstance(c, BoxPlane):
+        axes = _place(m, c.body).R @ c.orientation
+        table |= {
+            "half_sizes": c.half_sizes.tolist(),
+            "orientation": {"quaternion": quaternion_from_rotation(axes).tolist()},
+        }
+    elif not isinstance(c, PointPlane):
         table["radius"] = c.radius
+    if isinstance(c, DiscPlane):
+        table["axis"] = _direction(m, c.body, c.axis)
     if isinstance(c, SphereSphere):
         table |= {"partner_at": _point(m, c.partner, c.partner_center), "partner_radius": c.partner_radius}
     else:
         table |= {"point": _point(m, c.partner, c.point), "normal": _direction(m, c.partner, c.normal)}
-    return table | {"restitution": c.restitution, "friction": c.friction}
+    return table | _surface(c, m)
+
+
+def _surface(c: Contact, m: Mechanism) -> TomlTable:
+    """Restitution and friction of a contact, and those of its other laws that are not at their defaults."""
+    table: TomlTable = {"restitution": c.restitution, "friction": c.friction}
+    for name in ("static_friction", "associated", "impact_law", "torsional", "rolling"):
+        if getattr(c, name) != getattr(SurfaceLaw(), name):
+            table[name] = getattr(c, name)
+    if c.cone != Cone():
+        table["cone"] = {name: getattr(c.cone, name) for name in ("kind", "facets", "offset")}
+        if c.cone.tangent is not None:
+            table["cone"]["tangent"] = _direction(m, c.partner, np.array(c.cone.tangent))
+    if c.compliance is not None:
+        table["compliance"] = {"stiffness": c.compliance.stiffness, "damping": c.compliance.damping}
+    return table
 
 
 # ---------------------------------------------------------------- initial state

@@ -23,13 +23,28 @@ from consilience.engine.answers import STANDARD, EngineInfo, Manifest, Method, P
 from consilience.engine.questions import ANSWERS, Question
 from consilience.engine.worker.requests import AnswerSet, MethodAnswer, Plan
 from consilience.engine.worker.wire import MessageHeader, ProtocolError
-from consilience.mechanism import Array, Body, Frame, Joint, Mechanism, State, contacts, elements, functions
+from consilience.mechanism import (
+    Array,
+    Body,
+    Frame,
+    Joint,
+    Mechanism,
+    State,
+    contact_laws,
+    contacts,
+    elements,
+    functions,
+    stops,
+)
 
 _MODEL = (
     *(Mechanism, Body, Frame, Joint, State),
     *(elements.Spring, elements.JointSpring, elements.Load, elements.Friction, elements.Control),
     *(elements.Drive, elements.Coupling, elements.Rolling, elements.Skate),
     *(contacts.SpherePlane, contacts.PointPlane, contacts.SphereSphere),
+    *(contacts.DiscPlane, contacts.BoxPlane, contacts.CapsulePlane),
+    *(contact_laws.Cone, contact_laws.Compliance, contact_laws.ContactLaw),
+    *(stops.Stop, stops.DryFriction),
     *(functions.Function, functions.Table),
 )
 _DESCRIPTIONS = (EngineInfo, Manifest, Method, Unsupported, Plan, MethodAnswer, AnswerSet)
@@ -44,7 +59,10 @@ DERIVED: dict[type, tuple[str, ...]] = {functions.Table: ("pieces",)}
 CHECKED: dict[type, tuple[str, ...]] = {
     EngineInfo: ("name", "version", "adapter", "remarks"),
     Manifest: ("exact", "approximated"),
-    Method: ("name", "route", "order", "substeps", "tolerances", "settings", "profile", "softness"),
+    Method: (
+        *("name", "route", "order", "substeps", "tolerances", "settings", "profile", "softness"),
+        *("contact_law", "law"),
+    ),
     Unsupported: ("feature", "reason"),
     Plan: ("unsupported", "methods", "manifest"),
     AnswerSet: ("said", "unsupported"),

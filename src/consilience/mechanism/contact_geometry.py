@@ -1,0 +1,126 @@
+"""Geometry of contacts at a state: nearest points, normals and gaps of all shapes.
+
+For shapes with one nearest point, world axes, n the unit normal from `partner` to `body`:
+
+=================  ===========================================  =============================================
+shapes             gap                                          contact point on `body`
+=================  ===========================================  =============================================
+sphere on plane    ``n . (c - p) - r``                          ``c - r n``
+point on plane     ``n . (c - p)``                              c, the point itself
+sphere on sphere   ``|c - c2| - r - r2``, n along ``c - c2``    ``c - r n``
+disc on plane      ``n . (c - p) - r |n_a|``                    ``c - r n_a/|n_a|``, ``n_a = n - (n . a) a``
+=================  ===========================================  =============================================
+
+A disc with its axis a along n touches with its whole rim; the point is then one of the rim.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from consilience.errors import InvalidInput
+from consilience.mechanism.contacts import Contact, DiscPlane, ElementaryContact, SphereSphere, contact_parts
+from consilience.mechanism.model import GROUND, Mechanism, State
+from consilience.mechanism.observables import body_point, joint_spring_motion
+from consilience.mechanism.spatial import Array, orthogonal_triad
+from consilience.mechanism.units import characteristic_length
+
+
+@dataclass(frozen=True, eq=False)
+class NearestPoints:
+    """Nearest points of two shapes at one state, world axes.
+
+    Attributes
+    ----------
+    gap : float, m
+        Distance of the shapes; negative where they overlap.
+    normal : ndarray, shape (3,)
+        Unit vector from `partner` to `body`.
+    on_body, on_partner : ndarray, shape (3,), m
+        They coincide at zero gap.
+    """
+
+    gap: float
+    normal: Array
+    on_body: Array
+    on_partner: Array
+
+
+def _rotation(mechanism: Mechanism, state: State, body: str) -> Array:
+    return np.eye(3) if body == GROUND else state.R_WB[mechanism.body_index[body]]
+
+
+def nearest_points(mechanism: Mechanism, state: State, contact: ElementaryContact) -> NearestPoints:
+    """Return the nearest points of the shapes of a contact at a state.
+
+    Raises
+    ------
+    InvalidInput
+        If the centres of two spheres coincide.
+    """
+    center, _ = body_point(mechanism, state, contact.body, contact.center)
+    if isinstance(contact, SphereSphere):
+        other, _ = body_point(mechanism, state, contact.partner, contact.partner_center)
+        distance = float(np.linalg.norm(center - other))
+        if distance == 0.0:
+            raise InvalidInput(f"contact '{contact.name}'", "the centres of the spheres coincide", "Place them apart.")
+        n = (center - other) / distance
+        gap = distance - contact.radius - contact.partner_radius
+        return NearestPoints(gap, n, center - contact.radius * n, other + contact.partner_radius * n)
+    point, _ = body_point(mechanism, state, contact.partner, contact.point)
+    n = _rotation(mechanism, state, contact.partner) @ contact.normal
+    if isinstance(contact, DiscPlane):
+        axis = _rotation(mechanism, state, contact.body) @ contact.axis
+        across = n - (n @ axis) * axis
+        if not np.any(across):
+            across = orthogonal_triad(axis)[0]
+        lowest = center - contact.radius * across / np.linalg.norm(across)
+    else:
+        lowest = center - contact.radius * n
+    gap = float(n @ (lowest - point))
+    return NearestPoints(gap, n, lowest, lowest - gap * n)
+
+
+def contact_gap(mechanism: Mechanism, state: State, contact: Contact) -> float:
+    """Return the gap of a contact at a state in m, the smallest of its parts, negative where the shapes overlap."""
+    return min(nearest_points(mechanism, state, part).gap for part in contact_parts(contact))
+
+
+def contact_tangents(mechanism: Mechanism, state: State, contact: ElementaryContact) -> tuple[Array, Array]:
+    """Return the tangents t1 and ``t2 = n x t1`` of the cone of a contact at a state, each (3,), world axes."""
+    R = _rotation(mechanism, state, contact.partner)
+    t1, t2 = contact.cone.tangents(R.T @ nearest_points(mechanism, state, contact).normal)
+    return R @ t1, R @ t2
+
+
+def elementary_contacts(mechanism: Mechanism) -> tuple[ElementaryContact, ...]:
+    """Return the parts of all contacts of a mechanism, in their order; see `contact_parts`."""
+    return tuple(part for contact in mechanism.contacts for part in contact_parts(contact))
+
+
+TOUCHING = 1e-10
+"""Largest gap, and largest overlap, of a closed contact, over the characteristic length of the mechanism."""
+
+
+def refuse_overlap(mechanism: Mechanism, state: State) -> None:
+    """Refuse a state in which shapes overlap, or a joint is beyond a stop.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    slack = TOUCHING * characteristic_length(mechanism)
+    for contact in mechanism.contacts:
+        gap = contact_gap(mechanism, state, contact)
+        if gap < -slack:
+            what = f"{contact.body} and {contact.partner} overlap by {-gap:.3g} m at the start"
+            raise InvalidInput(f"contact '{contact.name}'", what, "Start with a gap of zero or more.")
+    for stop in mechanism.stops:
+        q, _ = joint_spring_motion(mechanism, state, stop.joint, stop.coordinate)
+        room = slack if stop.coordinate == "distance" else TOUCHING
+        for limit, beyond in ((stop.lower, -1.0), (stop.upper, 1.0)):
+            if limit is not None and beyond * (q - limit) > room:
+                what = f"{stop.coordinate} {q:.6g} of '{stop.joint}' is beyond the limit {limit:.6g} at the start"
+                raise InvalidInput(f"stop '{stop.name}'", what, "Start between the limits.")
