@@ -12,15 +12,18 @@ import site_pages
 
 project = "Consilience"
 author = "The Consilience authors"
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+copyright = "The Consilience authors; MIT licence"
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "sphinx.ext.napoleon"]
 exclude_patterns = ["build", "generated/_*", "example_engine"]
 html_theme = "furo"
 html_title = "Consilience"
-html_static_path = ["site.css"]
-html_css_files = ["site.css"]
+html_static_path = ["static"]
+html_css_files = ["site.css", "katex/katex.min.css"]
+html_js_files = ["katex/katex.min.js", "katex/auto-render.min.js"]
+mathjax_path = "katex/typeset.js"  # KaTeX, vendored, sets what Sphinx writes for MathJax
 html_copy_source = False
 nitpicky = False
-myst_enable_extensions = ["colon_fence"]
+myst_enable_extensions = ["attrs_inline", "colon_fence", "dollarmath"]
 myst_heading_anchors = 3
 suppress_warnings = ["ref.python"]  # a name may be offered by its package and by its module
 napoleon_google_docstring = False

@@ -1,19 +1,14 @@
-"""Pages of the site that are generated at every build: the case library, the findings, the API reference."""
+"""Pages of the site that are generated at every build: the gallery of cases, the findings, the API reference."""
 
 from __future__ import annotations
 
 import re
-from itertools import groupby
 from pathlib import Path
 
 import draw_architecture
+from site_gallery import front, gallery
 
-from consilience.case import shipped_cases
-from consilience.case.families import FAMILIES, shown_parameters
-from consilience.cli.commands.list_ import joints_of
 from consilience.cli.explanations import Topic, read_explanations
-from consilience.compare import markdown_table
-from consilience.engine import installed
 
 FINDINGS = Path(__file__).parents[1] / "reports" / "findings"
 
@@ -74,13 +69,13 @@ def write(docs: Path) -> None:
     """Write all generated pages into `docs/generated`, which git does not keep, and the drawings beside the pages."""
     draw_architecture.write()
     folder = docs / "generated"
-    pages = {"library.md": library(), "explained.md": explained(), **findings(), **api()}
+    pages = {"library.md": gallery(), "front.html": front(), "explained.md": explained(), **findings(), **api()}
     for name, text in pages.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         if not path.exists() or path.read_text(encoding="utf-8") != text:  # an unchanged page is not built again
             path.write_text(text, encoding="utf-8")
-    for path in folder.rglob("*.md"):
+    for path in folder.rglob("*.*"):
         if str(path.relative_to(folder)) not in pages:
             path.unlink()
 
@@ -88,23 +83,6 @@ def write(docs: Path) -> None:
 def cell(text: object) -> str:
     """Escape a text for a cell of a Markdown table."""
     return re.sub(r"([|<>\[\]*_`])", r"\\\1", str(text).replace("\n", " "))
-
-
-def library() -> str:
-    """Return the page of all shipped cases and families."""
-    heads = ("case", "bodies", "joints", "duration in s", "digits", "what", "sources")
-    lines = ["# The cases", "", "Generated from the files. What a case file is: [The case library](../cases.md).", ""]
-    for group, cases in groupby(sorted(shipped_cases(), key=lambda c: (c.group, c.name)), key=lambda c: c.group):
-        rows = []
-        for case in cases:
-            size = (len(case.mechanism.bodies), joints_of(case), f"{case.duration:g}", case.digits)
-            rows.append((case.name, *size, case.title, "; ".join(case.sources)))
-        lines += ["", f"## {group}", "", *markdown_table(heads, rows, escape=cell)]
-    families = [(name, shown_parameters(family)) for name, family in FAMILIES.items()]
-    lines += ["", "## Families", "", "[Their parameters](../families.md) in a name make a case.", ""]
-    lines += markdown_table(("family", "parameters and defaults"), families, escape=cell)
-    lines += ["", f"Engines here: {', '.join(installed())}.", ""]
-    return "\n".join(lines)
 
 
 def explained() -> str:

@@ -31,7 +31,7 @@ PAGES = sorted(
 LANGUAGES = ("sh", "python", "toml", "yaml", "text")
 """``text`` is output, a formula or a sketch of folders: nothing that could run."""
 
-SITE = ("{toctree}",)
+SITE = ("{toctree}", "{raw} html")
 """Directives of the site, which are no code."""
 
 INSTALLS = "installs: .ci/run does it in fresh environments (the README's commands, tests/newcomer.py)"
