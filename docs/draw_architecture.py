@@ -42,6 +42,7 @@ REFERENCE_CAPTIONS = {
     "engine": "as an engine",
     "formulations": "equations by name",
     "impacts": "contacts",
+    "contact": "modes, forces",
     "integrators": "tables, methods",
     "kernel": "compiled ground",
     "solver": "simulate",

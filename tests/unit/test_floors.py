@@ -28,6 +28,7 @@ REFERENCE = (
     ("formulations", "tree"),
     ("solver",),
     ("impacts",),
+    ("contact",),
     ("analyses", "engine"),
     ("__init__",),
 )

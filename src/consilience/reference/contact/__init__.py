@@ -1,0 +1,1 @@
+"""Contact that lasts: modes, forces and accelerations at one instant, and the impulses of simultaneous impacts."""

@@ -1,0 +1,183 @@
+"""Modes worth trying: of the complementarity problem with pyramids for cones, and all there are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+
+from consilience.mechanism import Array
+from consilience.reference.contact.complementarity import solve_lcp
+from consilience.reference.contact.mode_system import active
+from consilience.reference.contact.problem import ON_BISECTOR, ContactProblem, FrictionMode, FrictionSet, Modes
+
+_FACETS = 16
+"""Vertices of the pyramid that stands for a circular cone where modes are guessed."""
+
+_STILL = 1e-8
+"""Accelerations of a guess below this count as zero, relative to the largest."""
+
+
+def undecided(problem: ContactProblem) -> tuple[int, ...]:
+    """Return the friction sets whose velocity leaves a direction open: at rest, or sliding along a facet."""
+    natural = problem.natural_modes().friction
+    return tuple(j for j, mode in enumerate(natural) if len(mode.held))
+
+
+def slips(one: FrictionSet, base: FrictionMode, heading: Array, on_bisector: float = ON_BISECTOR) -> FrictionMode:
+    """Return the mode of a set that starts to slide, or that turns from a facet to one of its vertices."""
+    if not base.reach:
+        return one.sliding(heading, on_bisector)
+    side = base.held[0]
+    sign = -1.0 if float(side @ heading) > 0.0 else 1.0
+    return FrictionMode(base.drag + sign * base.reach * side, np.zeros((0, len(side))))
+
+
+def _directions(one: FrictionSet, base: FrictionMode, outer: bool) -> Array:
+    """Return extreme friction forces per unit of load along the undecided directions, shape (k, d)."""
+    if base.reach:
+        return np.array([[base.reach], [-base.reach]]) * base.held
+    vertices = one.vertices
+    if vertices is None:
+        vertices = replace(one, facets=_FACETS).vertices
+        assert vertices is not None
+        if outer:
+            vertices = vertices / np.cos(np.pi / _FACETS)
+    return one.static * vertices
+
+
+def guess(problem: ContactProblem, outer: bool = False, covering: Array | None = None) -> Modes | None:
+    """Guess modes from the linear complementarity problem of Stewart and Trinkle (1996).
+
+    Unknowns are the normal forces, the shares beta of the vertices of each undecided friction set, and its slip lambda:
+
+        0 <= N _|_ u_n >= 0,   0 <= beta _|_ lambda + d . u_t >= 0,   0 <= lambda _|_ (N + offset) - sum beta >= 0.
+
+    Parameters
+    ----------
+    outer : bool
+        Whether pyramids that stand for circles are circumscribed.
+    covering : ndarray, optional
+        Shape (n + number of undecided sets,): weights of the covering vector, to look for other solutions.
+    """
+    natural, m, n = problem.natural_modes(), len(problem.free), len(problem.normals)
+    weight = problem.row_scale()
+    constant, columns = np.zeros(m), []
+    for row in problem.normals:
+        column = np.zeros(m)
+        column[row] = 1.0
+        columns.append(column)
+    for one, mode in zip(problem.friction, natural.friction, strict=True):
+        constant[list(one.rows)] += one.offset * mode.drag
+        if one.load is not None:
+            columns[problem.normals.index(one.load)][list(one.rows)] += mode.drag
+    sets, owner = undecided(problem), []
+    for j in sets:
+        one = problem.friction[j]
+        for direction in _directions(one, natural.friction[j], outer):
+            column = np.zeros(m)
+            column[list(one.rows)] = direction
+            columns.append(column)
+            owner.append(j)
+    if not columns:
+        return natural
+    P = np.array(columns).T
+    tests = P.copy()
+    tests[:, :n] = np.eye(m)[:, list(problem.normals)]
+    # one scale for all vertices of a set: they share the slip lambda
+    scales = [*weight[list(problem.normals)], *(float(np.mean(weight[list(problem.friction[j].rows)])) for j in owner)]
+    z = _solve(problem, (constant, P, tests / np.array(scales)), owner, sets, covering)
+    if z is None:
+        return None
+    return modes_of(problem, problem.acceleration(constant + P @ z))
+
+
+def _solve(
+    problem: ContactProblem,
+    forces: tuple[Array, Array, Array],
+    owner: list[int],
+    sets: tuple[int, ...],
+    covering: Array | None,
+) -> Array | None:
+    """Return the forces N and beta."""
+    constant, P, tests = forces
+    n, k, s = len(problem.normals), len(owner), len(sets)
+    unit = float(np.max(np.abs(problem.free) / problem.row_scale())) or 1.0
+    M, q = np.zeros((n + k + s, n + k + s)), np.zeros(n + k + s)
+    M[: n + k, : n + k] = tests.T @ problem.delassus @ P
+    q[: n + k] = tests.T @ problem.acceleration(constant) / unit
+    for c, j in enumerate(owner):
+        lam = n + k + sets.index(j)
+        M[n + c, lam] = 1.0
+        M[lam, n + c] = -1.0
+    for c, j in enumerate(sets):
+        one = problem.friction[j]
+        if one.load is not None:
+            M[n + k + c, problem.normals.index(one.load)] = 1.0
+        q[n + k + c] = one.offset / unit
+    cover = np.ones(n + k + s)
+    if covering is not None:
+        cover[:n] = covering[:n]
+        for c, j in enumerate(owner):
+            cover[n + c] = covering[n + sets.index(j)]
+    z = solve_lcp(M, q, cover)
+    return None if z is None else unit * z[: n + k]
+
+
+def modes_of(problem: ContactProblem, acceleration: Array) -> Modes:
+    """Return the modes that accelerations show: what does not move is held."""
+    scaled = acceleration / problem.row_scale()
+    still = _STILL * max(float(np.max(np.abs(scaled))), float(np.max(np.abs(problem.free) / problem.row_scale())))
+    closed = np.array([scaled[n] <= still for n in problem.normals], dtype=bool)
+    modes = Modes(closed, problem.natural_modes().friction)
+    for j in undecided(problem):
+        one, base = problem.friction[j], modes.friction[j]
+        w = base.held @ scaled[list(one.rows)]
+        if active(problem, modes, j) and np.max(np.abs(w)) > still:
+            heading = base.held.T @ (base.held @ acceleration[list(one.rows)])
+            modes = modes.with_friction(j, slips(one, base, heading, still / float(np.linalg.norm(w))))
+    return modes
+
+
+def options(one: FrictionSet, base: FrictionMode, heading: Array) -> tuple[FrictionMode, ...]:
+    """Return all modes of an undecided friction set; of a circle, one heading stands for all."""
+    vertices = one.vertices
+    if base.reach:
+        return (base, slips(one, base, base.held[0]), slips(one, base, -base.held[0]))
+    if vertices is None:
+        return (base, one.sliding(heading))
+    found = [base, *(one.sliding(-vertex) for vertex in vertices)]
+    if len(one.rows) == 2:
+        found += [one.sliding(-middle) for middle in vertices + np.roll(vertices, -1, axis=0)]
+    return tuple(found)
+
+
+def count(problem: ContactProblem) -> int:
+    """Return a bound of the number of combinations of modes."""
+    natural = problem.natural_modes().friction
+    each = {n: 1.0 for n in problem.normals}
+    rest = 1.0
+    for j in undecided(problem):
+        one = problem.friction[j]
+        number = len(options(one, natural[j], np.ones(len(one.rows))))
+        if one.load is None or one.offset > 0.0:
+            rest *= number
+        else:
+            each[one.load] *= number
+    return int(min(rest * float(np.prod([1.0 + number for number in each.values()])), 1e9))
+
+
+def all_modes(problem: ContactProblem, headings: dict[int, Array]) -> Iterator[Modes]:
+    """Yield all combinations of modes; `headings` of the undecided sets, for circles."""
+    natural = problem.natural_modes().friction
+    sets = undecided(problem)
+    for closed in product((True, False), repeat=len(problem.normals)):
+        modes = Modes(np.array(closed, dtype=bool), natural)
+        able = [j for j in sets if active(problem, modes, j)]
+        for choice in product(*(options(problem.friction[j], natural[j], headings[j]) for j in able)):
+            combined = modes
+            for j, mode in zip(able, choice, strict=True):
+                combined = combined.with_friction(j, mode)
+            yield combined

@@ -1,0 +1,238 @@
+"""Forces that modes leave undetermined: whether some of them lie in all friction cones, and by which margin.
+
+Contacts that stick (and normals without friction) ask of a force f that it lies in a product of cones
+``|across f + ...| <= along f + ...``. Modes are admissible if *some* force of the affine set that the equations leave
+does; least norm is no criterion (Pfeiffer and Glocker 1996). The margin is
+
+    max over the set of min over the cones of (along - |across|), for a sticking contact mu_s N - |T|,
+
+a concave problem, solved by the logarithmic barrier of second-order cones (Nesterov and Nemirovskii 1994).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from consilience.mechanism import Array
+from consilience.reference.contact.mode_system import ModeSolution, active, solve_with_modes
+from consilience.reference.contact.problem import ContactProblem, Modes
+
+_GAP = 1e-14
+"""Distance from the optimum at which the barrier method ends, relative to the forces."""
+
+_COUNT = 2.0
+"""Barrier parameter of a second-order cone."""
+
+_FASTER = 50.0
+"""Factor between the weights of the cost along the central path."""
+
+_CENTRED = 1e-2
+"""Newton decrement, squared, that ends the centring."""
+
+_FURTHEST = 10.0
+"""Largest margin that is looked for, relative to the forces of least norm: wedged contacts hold one another with forces
+without bound."""
+
+
+@dataclass(frozen=True, eq=False)
+class StickingMargin:
+    """How far the forces of given modes can stay from the boundaries of the cones.
+
+    Attributes
+    ----------
+    value : float, N (N m)
+        Least of `of_normal` and `of_friction`; infinite if no cone binds. The modes are admissible while it is not
+        negative.
+    force : ndarray, shape (m,)
+        The force that attains it.
+    of_normal : ndarray, shape (n,)
+        Force N of each closed normal row; infinite for the others.
+    of_friction : ndarray, shape (n_f,)
+        Margin of each friction set with held directions; infinite for the others.
+    """
+
+    value: float
+    force: Array
+    of_normal: Array
+    of_friction: Array
+
+
+class _Cones:
+    """Second-order cones ``|v + V f| <= t + T f``, and the normal or friction set that each belongs to."""
+
+    def __init__(self, problem: ContactProblem, modes: Modes) -> None:
+        self.m = len(problem.free)
+        self._t: list[tuple[float, Array]] = []
+        self._v: list[Array] = []
+        self.of_normal: list[int] = []  # -1: of a friction set
+        self.of_friction: list[int] = []
+        for i, n in enumerate(problem.normals):
+            if modes.closed[i]:
+                self._add(0.0, self._unit((n,), np.ones(1)), None, (i, -1))
+        for j in range(len(problem.friction)):
+            if len(modes.friction[j].held) and active(problem, modes, j):
+                self._add_friction(problem, modes, j)
+        self.t = np.array([t for t, _ in self._t])
+        self.T = np.array([row for _, row in self._t]).reshape(-1, self.m)
+        self.V = np.array(self._v).reshape(-1, 2, self.m)
+
+    def _unit(self, rows: tuple[int, ...], values: Array) -> Array:
+        row = np.zeros(self.m)
+        row[list(rows)] = values
+        return row
+
+    def _add(self, constant: float, along: Array, across: Array | None, owner: tuple[int, int]) -> None:
+        self._t.append((constant, along))
+        self._v.append(np.zeros((2, self.m)) if across is None else across)
+        self.of_normal.append(owner[0])
+        self.of_friction.append(owner[1])
+
+    def _add_friction(self, problem: ContactProblem, modes: Modes, j: int) -> None:
+        one, mode, owner = problem.friction[j], modes.friction[j], (-1, j)
+        load = np.zeros(self.m)
+        if one.load is not None:
+            load[one.load] = 1.0
+        if mode.reach:  # one facet of a pyramid
+            for sign in (1.0, -1.0):
+                row = self._unit(one.rows, sign * mode.held[0])
+                self._add(mode.reach * one.offset, mode.reach * load - row, None, owner)
+            return
+        bound, vertices = one.static * load, one.vertices
+        if vertices is None:
+            across = np.array([self._unit(one.rows, axis) for axis in np.eye(2)])
+            self._add(one.static * one.offset, bound, across, owner)
+        elif len(one.rows) == 1:
+            for vertex in vertices:
+                self._add(one.static * one.offset, bound - self._unit(one.rows, vertex), None, owner)
+        else:
+            middles = 0.5 * (vertices + np.roll(vertices, -1, axis=0))
+            for middle in middles / np.sum(middles**2, axis=1)[:, None]:
+                self._add(one.static * one.offset, bound - self._unit(one.rows, middle), None, owner)
+
+    def slack(self, force: Array) -> Array:
+        """Return ``along - |across|`` of each cone."""
+        return self.t + self.T @ force - np.linalg.norm(self.V @ force, axis=1)
+
+
+def sticking_margin(problem: ContactProblem, modes: Modes, solution: ModeSolution | None = None) -> StickingMargin:
+    """Return the margin of given modes over all forces that satisfy their equations."""
+    solved = solve_with_modes(problem, modes) if solution is None else solution
+    cones = _Cones(problem, modes)
+    force = solved.force
+    if solved.undetermined.shape[1] and len(cones.t):
+        force = _widest(cones, solved)
+    slack = cones.slack(force)
+    of_normal, of_friction = np.full(len(problem.normals), np.inf), np.full(len(problem.friction), np.inf)
+    for value, i, j in zip(slack, cones.of_normal, cones.of_friction, strict=True):
+        if i >= 0:
+            of_normal[i] = min(of_normal[i], value)
+        else:
+            of_friction[j] = min(of_friction[j], value)
+    return StickingMargin(float(np.min(slack, initial=np.inf)), force, of_normal, of_friction)
+
+
+def admissible_force(problem: ContactProblem, solution: ModeSolution, margin: StickingMargin) -> Array:
+    """Return the force of least norm in the cones; that of the widest margin where there is none but this."""
+    cones = _Cones(problem, solution.modes)
+    k = solution.undetermined.shape[1]
+    unit = _unit_of(solution)
+    if k == 0 or float(np.min(cones.slack(solution.force), initial=np.inf)) >= 0.0:
+        return solution.force
+    if margin.value <= np.sqrt(_GAP) * unit:
+        return margin.force
+    Z = solution.undetermined
+    start = Z.T @ (margin.force - solution.force)
+    barrier = _Barrier(cones, solution.force / unit, Z, unit)
+    y = barrier.minimise(np.zeros(k), np.eye(k), start / unit)
+    return solution.force + unit * (Z @ y)
+
+
+def _unit_of(solution: ModeSolution) -> float:
+    return float(np.max(np.abs(solution.force), initial=0.0)) or 1.0
+
+
+def _widest(cones: _Cones, solution: ModeSolution) -> Array:
+    """Return the force of the widest margin."""
+    Z, unit = solution.undetermined, _unit_of(solution)
+    k = Z.shape[1]
+    barrier = _Barrier(cones, solution.force / unit, Z, unit, with_margin=True)
+    start = np.zeros(k + 1)
+    start[k] = min(float(np.min(cones.slack(solution.force))) / unit, _FURTHEST) - 1.0
+    cost = np.zeros(k + 1)
+    cost[k] = -1.0
+    y = barrier.minimise(cost, np.zeros((k + 1, k + 1)), start)
+    return solution.force + unit * (Z @ y[:k])
+
+
+class _Barrier:
+    """Cones over the undetermined forces y (in units of the forces), with the margin as last unknown or without."""
+
+    def __init__(self, cones: _Cones, force: Array, Z: Array, unit: float, with_margin: bool = False) -> None:
+        self.t, self.T = cones.t / unit + cones.T @ force, cones.T @ Z
+        self.v, self.V = cones.V @ force, cones.V @ Z
+        if with_margin:
+            count, k = self.T.shape
+            self.T = np.hstack([self.T, -np.ones((count, 1))])
+            self.V = np.concatenate([self.V, np.zeros((count, 2, 1))], axis=2)
+            # the margin and the sum of all loads are bounded, so that the central path ends
+            loads, total = -np.sum(self.T[:, :k], axis=0), float(np.sum(self.t))
+            self.t = np.append(self.t, [_FURTHEST, _FURTHEST * count + 2.0 * abs(total) - total])
+            self.T = np.vstack([self.T, np.append(np.zeros(k), -1.0), np.append(loads, 0.0)])
+            self.v = np.vstack([self.v, np.zeros((2, 2))])
+            self.V = np.concatenate([self.V, np.zeros((2, 2, k + 1))])
+
+    def minimise(self, cost: Array, quadratic: Array, y: Array) -> Array:
+        """Minimise ``cost . y + y . quadratic y / 2`` from a point within the cones."""
+        weight = 1.0
+        y = self._centre(weight * cost, weight * quadratic, y)
+        while weight < _COUNT * len(self.t) / _GAP:
+            # along the central path y is nearly linear in 1/weight
+            _, hessian = self._derivatives(weight * quadratic, y)
+            ahead = (1.0 - 1.0 / _FASTER) * weight * _solve(hessian, cost + quadratic @ y)
+            while np.isinf(self._value(cost, quadratic, y - ahead)):
+                ahead = 0.5 * ahead
+            weight *= _FASTER
+            y = self._centre(weight * cost, weight * quadratic, y - ahead)
+        return y
+
+    def _value(self, cost: Array, quadratic: Array, y: Array) -> float:
+        t, v = self.t + self.T @ y, self.v + self.V @ y
+        inside = t * t - np.sum(v * v, axis=1)
+        if np.min(t) <= 0.0 or np.min(inside) <= 0.0:
+            return float(np.inf)
+        return float(cost @ y + 0.5 * y @ quadratic @ y - np.sum(np.log(inside)))
+
+    def _derivatives(self, quadratic: Array, y: Array) -> tuple[Array, Array]:
+        """Return gradient and Hessian of the barrier, the Hessian with that of the quadratic."""
+        t, v = self.t + self.T @ y, self.v + self.V @ y
+        inside = t * t - np.sum(v * v, axis=1)
+        scaled = 2.0 * (t[:, None] * self.T - np.einsum("cd,cdk->ck", v, self.V)) / inside[:, None]
+        across = (self.V / np.sqrt(inside)[:, None, None]).reshape(-1, len(y))
+        along = self.T / np.sqrt(inside)[:, None]
+        return -np.sum(scaled, axis=0), quadratic + scaled.T @ scaled + 2.0 * (across.T @ across - along.T @ along)
+
+    def _centre(self, cost: Array, quadratic: Array, y: Array) -> Array:
+        """Newton's method with step halving on the barrier function."""
+        for _ in range(50):
+            gradient, hessian = self._derivatives(quadratic, y)
+            gradient = gradient + cost + quadratic @ y
+            step = -_solve(hessian, gradient)
+            value, length, decrement = self._value(cost, quadratic, y), 1.0, -float(gradient @ step)
+            while length > 1e-10 and not self._value(cost, quadratic, y + length * step) <= value:
+                length *= 0.5
+            if length <= 1e-10:
+                return y
+            y = y + length * step
+            if decrement < _CENTRED:
+                return y
+        return y
+
+
+def _solve(hessian: Array, gradient: Array) -> Array:
+    """Solve with a Hessian that is singular where the cones leave a direction free."""
+    scale = np.sqrt(np.diag(hessian))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    found: Array = np.linalg.lstsq(hessian / np.outer(scale, scale), gradient / scale, rcond=None)[0]
+    return found / scale

@@ -1,0 +1,169 @@
+"""Impulses of contacts that close at one instant, by the laws of Newton, Moreau and Poisson.
+
+``u+ = u- + G p`` with the Delassus matrix G, all contacts together:
+
+- Newton: ``u_n+ = -e u_n-``, with friction by the modes of `consilience.reference.impacts.modes`, which never gains
+  energy. That table is of circles; other friction sets (pyramids, boxes, moments) follow Moreau's law.
+- Moreau: ``0 <= u_n+ + e u_n- _|_ N >= 0``, friction opposes the velocity after: what a time stepper does.
+- Poisson: a contact by itself follows Routh's path; contacts that act on one another take two phases (Pfeiffer and
+  Glocker 1996), compression without restitution and then normal impulses of at least e times those of compression, in
+  each of which friction opposes the velocity at its end.
+
+Friction with a constant bound has no impulse.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from consilience.errors import InvalidInput
+from consilience.mechanism import Array
+from consilience.reference.contact.decision import decide
+from consilience.reference.contact.groups import groups
+from consilience.reference.contact.problem import ContactProblem, FrictionSet
+from consilience.reference.contact.routh import poisson_path
+from consilience.reference.impacts.modes import ClosedContacts, solve_modes
+
+LAWS = ("newton", "moreau", "poisson")
+
+
+@dataclass(frozen=True, eq=False)
+class ImpulseSolution:
+    """Impulses at one instant.
+
+    Attributes
+    ----------
+    impulse, velocity : ndarray, shape (m,)
+        p, and u after.
+    modes : tuple of str, length n
+        Mode of each normal row: of `consilience.reference.impacts.modes`, or released, sliding, sticking, frictionless.
+    unique : bool, optional
+        As of `consilience.reference.contact.decision.ModeDecision`; none if not examined.
+    """
+
+    impulse: Array
+    velocity: Array
+    modes: tuple[str, ...]
+    unique: bool | None
+
+
+def solve_impulse(
+    problem: ContactProblem, restitution: Array, law: str, at_rest: float = 0.0, time: float = 0.0
+) -> ImpulseSolution:
+    """Solve for the impulses of all contacts and stops of a problem.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+        `free` holds the velocities before; `sliding` is not read.
+    restitution : ndarray, shape (n,)
+        e of each normal row.
+    law : str
+        One of `LAWS`.
+    at_rest : float, m/s
+        Smaller velocities before count as zero.
+    time : float, s
+        For messages.
+
+    Raises
+    ------
+    NumericalFailure
+        No impulses satisfy the law.
+    """
+    sets = tuple(f for f in problem.friction if f.load is not None)
+    sets = tuple(replace(f, static=f.kinetic, offset=0.0) for f in sets)
+    problem = replace(problem, friction=sets, sliding=None)
+    if law == "newton" and all(_is_circle(f) for f in sets) and _one_each(problem):
+        return _newton(problem, restitution, at_rest, time)
+    if law in {"newton", "moreau"}:
+        return _moreau(problem, restitution)
+    if law == "poisson":
+        return _poisson(problem, restitution)
+    raise InvalidInput("law", f"it is {law}", f"One of {', '.join(LAWS)}.")
+
+
+def _is_circle(one: FrictionSet) -> bool:
+    return len(one.rows) == 2 and one.facets == 0
+
+
+def _one_each(problem: ContactProblem) -> bool:
+    loads = [f.load for f in problem.friction]
+    return len(set(loads)) == len(loads)
+
+
+def _newton(problem: ContactProblem, restitution: Array, at_rest: float, time: float) -> ImpulseSolution:
+    """Solve by the table of modes, each normal row with two tangents, which are zero for a stop."""
+    n, m = len(problem.normals), len(problem.free)
+    friction = {f.load: f for f in problem.friction}
+    place = np.zeros((3 * n, m))
+    for i, row in enumerate(problem.normals):
+        place[3 * i, row] = 1.0
+        if row in friction:
+            place[3 * i + 1 : 3 * i + 3, list(friction[row].rows)] = np.eye(2)
+    before = (place @ problem.free).reshape(-1, 3)
+    law = ClosedContacts(
+        names=tuple(problem.names[row] for row in problem.normals),
+        normal=np.tile([1.0, 0.0, 0.0], (n, 1)),
+        friction=np.array([friction[row].kinetic if row in friction else 0.0 for row in problem.normals]),
+        target=restitution * np.maximum(-before[:, 0], 0.0),
+        before=before,
+        compliance=place @ problem.delassus @ place.T,
+        free_compliance=float(np.max(problem.row_scale())) ** 2,
+        at_rest=at_rest,
+    )
+    modes, p, _ = solve_modes(law, time)
+    impulse = place.T @ p.ravel()
+    return ImpulseSolution(impulse, problem.acceleration(impulse), modes, None)
+
+
+def _moreau(problem: ContactProblem, restitution: Array) -> ImpulseSolution:
+    rebound = np.zeros(len(problem.free))
+    rebound[list(problem.normals)] = restitution * np.minimum(problem.free[list(problem.normals)], 0.0)
+    decision = decide(replace(problem, free=problem.free + rebound))
+    return ImpulseSolution(
+        decision.force, problem.acceleration(decision.force), _names(problem, decision.force), decision.unique
+    )
+
+
+def _names(problem: ContactProblem, p: Array) -> tuple[str, ...]:
+    """Name the mode of each normal row by its impulse and velocity."""
+    u, sets = problem.acceleration(p), {f.load: f for f in problem.friction}
+    still = 1e-9 * float(np.max(np.abs(problem.free)))
+    names = []
+    for row in problem.normals:
+        if p[row] == 0.0:
+            names.append("released")
+        elif row not in sets:
+            names.append("frictionless")
+        else:
+            slides = np.max(np.abs(u[list(sets[row].rows)])) > still
+            names.append("sliding" if slides else "sticking")
+    return tuple(names)
+
+
+def _poisson(problem: ContactProblem, restitution: Array) -> ImpulseSolution:
+    """Solve group by group: contacts of one group act on one another."""
+    p, unique = np.zeros(len(problem.free)), True
+    for group in groups(problem):
+        part, e = group.problem, restitution[group.normals]
+        if len(e) == 1 and len(part.friction) == 1 and _is_circle(part.friction[0]):
+            own = [part.normals[0], *part.friction[0].rows]
+            if part.free[own[0]] < 0.0:
+                path = poisson_path(part.delassus[np.ix_(own, own)], part.free[own], part.friction[0], float(e[0]))
+                p[[group.rows[row] for row in own]] = path
+            continue
+        p[group.rows], alone = _two_phases(part, e)
+        unique = unique and alone
+    return ImpulseSolution(p, problem.acceleration(p), _names(problem, p), unique)
+
+
+def _two_phases(problem: ContactProblem, restitution: Array) -> tuple[Array, bool]:
+    compression = decide(problem)
+    preload = np.zeros(len(problem.free))
+    preload[list(problem.normals)] = restitution * compression.force[list(problem.normals)]
+    sets = tuple(replace(f, offset=float(preload[f.load])) for f in problem.friction if f.load is not None)
+    free = compression.acceleration + problem.delassus @ preload
+    expansion = decide(replace(problem, free=free, friction=sets))
+    return compression.force + preload + expansion.force, bool(compression.unique and expansion.unique)
