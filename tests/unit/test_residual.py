@@ -78,6 +78,15 @@ def test_a_state_that_is_not_consistent_is_refused_or_assembled_if_asked(form, p
     assert 0.0 < np.max(np.abs(found.p_WB - wanted.p_WB)) < 1e-4
 
 
+@pytest.mark.parametrize(("name", "group"), [("coupled", "couplings"), ("driven", "drives")])
+def test_a_state_that_only_couplings_or_drives_forbid_is_refused_for_one_of_them(name, group):
+    """A state of the same joints without these elements; a turn more of an angle would be no violation."""
+    mechanism = ELEMENTS[name]
+    state = states_of(replace(mechanism, **{group: ()}))[1]
+    with pytest.raises(InvalidInput, match=f"{group.removesuffix('s')} '.*' (is violated|has a wrong rate)"):
+        simulate(mechanism, state, TIMES, 1e-9, "relative")
+
+
 @pytest.mark.parametrize("length", [1e-3, 1e3])
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("name", ["four_bar", "loop_rod", "loop_universal"])

@@ -16,7 +16,7 @@ from consilience.mechanism import RANK_TOLERANCE, Array, Mechanism, row_names
 from consilience.reference.bodies import constraints
 from consilience.reference.bodies.arrays import DISTANCE, ROWS, Model, Workspace, workspace
 from consilience.reference.bodies.constraints import rolling_contact
-from consilience.reference.bodies.joint_rows import TURN, FrameMotion, coordinate, frame_motion, full_turns
+from consilience.reference.bodies.joint_rows import TURN, FrameMotion, frame_motion, full_turns
 from consilience.reference.bodies.mass_metric import factorise, solve_factor_transposed
 from consilience.reference.bodies.motion import arm, motion, rotations
 from consilience.reference.kernel import functions
@@ -99,15 +99,34 @@ def _joints(model: Model, y: Array, A: Array, length: float, found: Array) -> in
 
 
 @inner
+def _coordinate(model: Model, y: Array, A: Array, n: int) -> tuple[float, float]:
+    """Return value and rate of joint coordinate n: angles within half a turn of zero, those of screws by Z."""
+    k = model.coordinate[n].joint
+    p, X, v, w = frame_motion(model, y, A, k)
+    if model.coordinate[n].kind == DISTANCE:
+        return p[2], v[2]
+    angle = np.arctan2(X[0][1], X[0][0])
+    return full_turns(angle, TURN * p[2] / model.pitch[k]) if model.pitch[k] != 0.0 else angle, w[2]
+
+
+@fused
+def _with_turns(model: Model, n: int, value: float, near: float) -> float:
+    """Return the value of joint coordinate n with the full turns that bring an angle nearest to `near`."""
+    at = model.coordinate[n]
+    return value if at.kind == DISTANCE or model.pitch[at.joint] != 0.0 else full_turns(value, near)
+
+
+@inner
 def _drives(model: Model, t: float, y: Array, A: Array, length: float, first: int, found: Array) -> int:
     """Compare the rows of drives, `first` and on; return the index of the next row."""
     for n in range(model.drive.shape[0]):
+        driven = model.drive[n].coordinate
         f, f_dot, _ = functions.evaluate(model.functions, model.drive[n].motion, t)
-        q = coordinate(model, y, A, model.drive[n].coordinate, f)
-        size = length if model.coordinate[model.drive[n].coordinate].kind == DISTANCE else 1.0
+        value, rate = _coordinate(model, y, A, driven)
+        size = length if model.coordinate[driven].kind == DISTANCE else 1.0
         found[SPEED] = max(found[SPEED], abs(f_dot) * model.length / size)
-        _compare(found, first + n, POSITION, q.value - f, size)
-        _compare(found, first + n, VELOCITY, q.rate - f_dot, found[SPEED] * size / model.length)
+        _compare(found, first + n, POSITION, _with_turns(model, driven, value, f) - f, size)
+        _compare(found, first + n, VELOCITY, rate - f_dot, found[SPEED] * size / model.length)
     return first + model.drive.shape[0]
 
 
@@ -116,22 +135,26 @@ def _couplings(model: Model, y: Array, A: Array, dt: float, length: float, first
     """Compare the rows of couplings; return the index of the next row.
 
     A state has no count of turns. The driver's angle continues from the state before, dt earlier, by the mean of both
-    rates; where these differ by turns in that time, among the counts that are possible the one that fits best.
+    rates; where these differ by turns in that time, the counts that are possible are tried, the nearest first, until
+    one fits; if none does, the one that fits best counts.
     """
     for n in range(model.coupling.shape[0]):
-        coupling = model.coupling[n]
+        coupling, at = model.coupling[n], TURNS + 2 * n
         size = length if model.coordinate[coupling.coordinate].kind == DISTANCE else 1.0
-        rate, at = coordinate(model, y, A, coupling.driver, 0.0).rate, TURNS + 2 * n
-        near = found[at] + 0.5 * dt * (found[at + 1] + rate)
-        others = int(np.ceil(0.2 * dt * abs(rate - found[at + 1])))
-        least, least_rate, value = np.inf, 0.0, near
-        for turn in range(-others, others + 1):
-            driver = coordinate(model, y, A, coupling.driver, near + 2.0 * np.pi * turn)
-            f, slope, _ = functions.evaluate(model.functions, coupling.law, driver.value)
-            q = coordinate(model, y, A, coupling.coordinate, f)
-            if abs(q.value - f) < abs(least):
-                least, least_rate, value = q.value - f, q.rate - slope * driver.rate, driver.value
-        found[at], found[at + 1] = value, rate
+        driver, driver_rate = _coordinate(model, y, A, coupling.driver)
+        q, rate = _coordinate(model, y, A, coupling.coordinate)
+        near = found[at] + 0.5 * dt * (found[at + 1] + driver_rate)
+        others = int(np.ceil(0.2 * dt * abs(driver_rate - found[at + 1])))
+        least, least_rate, found[at], found[at + 1] = np.inf, 0.0, near, driver_rate
+        for m in range(2 * others + 1):
+            turn = (m + 1) // 2 if m % 2 else -(m // 2)
+            angle = _with_turns(model, coupling.driver, driver, near + TURN * turn)
+            f, slope, _ = functions.evaluate(model.functions, coupling.law, angle)
+            left = _with_turns(model, coupling.coordinate, q, f) - f
+            if abs(left) < abs(least):
+                least, least_rate, found[at] = left, rate - slope * driver_rate, angle
+            if abs(least) <= CONSISTENT * size:
+                break
         if np.isfinite(least):
             _compare(found, first + n, POSITION, least, size)
             _compare(found, first + n, VELOCITY, least_rate, found[SPEED] * size / model.length)
@@ -158,6 +181,15 @@ def _contacts(model: Model, y: Array, A: Array, length: float, first: int, found
 
 
 @inner
+def _compare_by(model: Model, t: float, dt: float, y: Array, A: Array, length: float, found: Array) -> None:
+    """Compare all rows of a state with the sizes that follow from a length and the fastest motion so far."""
+    row = _joints(model, y, A, length, found)
+    row = _drives(model, t, y, A, length, row, found)
+    row = _couplings(model, y, A, dt, length, row, found)
+    _contacts(model, y, A, length, row, found)
+
+
+@inner
 def compare_rows(model: Model, t: float, dt: float, y: Array, A: Array, found: Array) -> None:
     """Compare all rows of a state with their sizes; `found` keeps the largest ratio.
 
@@ -172,11 +204,7 @@ def compare_rows(model: Model, t: float, dt: float, y: Array, A: Array, found: A
         Rotation matrices of y.
     found : ndarray, shape (TURNS + 2 couplings,)
     """
-    length = _reach_and_speed(model, y, found)
-    row = _joints(model, y, A, length, found)
-    row = _drives(model, t, y, A, length, row, found)
-    row = _couplings(model, y, A, dt, length, row, found)
-    _contacts(model, y, A, length, row, found)
+    _compare_by(model, t, dt, y, A, _reach_and_speed(model, y, found), found)
 
 
 @inner
@@ -188,16 +216,25 @@ def set_slowest(model: Model, times: Array, found: Array) -> None:
 
 @kernel
 def _first_violation(rows: CheckedRows, times: Array, states: Array, A: Array, limit: float, found: Array) -> int:
-    """Return the first of the packed states whose largest ratio is above a limit; -1: none."""
+    """Return the first of the packed states whose largest ratio is above a limit; -1: none.
+
+    Sizes grow with the reach and speed of the bodies: most motions are below the limit already by the least sizes.
+    """
     model = fields_of(rows).model
-    set_slowest(model, times, found)
-    for n in range(times.shape[0]):
-        rotations(states[n], A)
-        dt = times[n] - times[n - 1] if n else 0.0
-        compare_rows(model, times[n], dt, states[n], A, found)
-        if found[RATIO] > limit:
-            return n
-    return -1
+    for by_reach in range(2):
+        found[:] = 0.0
+        set_slowest(model, times, found)
+        at = -1
+        for n in range(times.shape[0]):
+            rotations(states[n], A)
+            length = _reach_and_speed(model, states[n], found) if by_reach else model.length
+            _compare_by(model, times[n], times[n] - times[n - 1] if n else 0.0, states[n], A, length, found)
+            if found[RATIO] > limit:
+                at = n
+                break
+        if at < 0:
+            return -1
+    return at
 
 
 @kernel
