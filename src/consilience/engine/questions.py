@@ -92,9 +92,8 @@ class Question(str, metaclass=_QuestionTable):
     def __reduce__(self) -> tuple[type[Question], tuple[str]]:
         return Question, (str(self),)
 
-    @classmethod
+    @staticmethod
     def add(
-        cls,
         name: str,
         *,
         description: str,
@@ -106,7 +105,7 @@ class Question(str, metaclass=_QuestionTable):
         parameters: str | Callable[..., Mapping[str, Any]] = "",
     ) -> Question:
         """Add a row to the table, or replace the row of that name; the arguments are the attributes of this class."""
-        question = str.__new__(cls, name)
+        question = str.__new__(Question, name)
         question.description, question.arguments = description, arguments
         question.answer, question.shapes = answer, shapes
         question.judge, question.facts, question.parameters = judge, facts, parameters
