@@ -29,7 +29,7 @@ def first_rows(data: Any, equalities: Array) -> Array:
     EngineWarningError
         MuJoCo has left out an equality, because nothing that it holds can move.
     """
-    ids = data.efc_id[: data.nefc]
+    ids = data.efc_id[: data.ne]
     rows: Array = np.searchsorted(ids, equalities)
     if np.any(rows >= len(ids)) or np.any(ids[np.minimum(rows, len(ids) - 1)] != equalities):
         raise EngineWarningError("MuJoCo made no row of a constraint: what it holds cannot move")
@@ -57,8 +57,8 @@ class _Places:
         self._rows: Array = np.zeros(0, dtype=int)
 
     def __call__(self, data: Any) -> Array:
-        if data.nefc != self._count:
-            self._rows, self._count = first_rows(data, self._equalities), data.nefc
+        if data.ne != self._count:
+            self._rows, self._count = first_rows(data, self._equalities), data.ne
         return self._rows
 
 
@@ -109,27 +109,31 @@ def _limited(rank: int, nv: int) -> Callable[[Any], None]:
 
     def write(data: Any) -> None:
         """Replace all rows and right-hand sides by their projections on the largest singular values."""
-        J, aref = data.efc_J[: data.nefc * nv].reshape(-1, nv), data.efc_aref
+        J, aref = data.efc_J[: data.ne * nv].reshape(-1, nv), data.efc_aref
         if not np.all(np.isfinite(J)):
             raise EngineWarningError("rows of constraints are not finite. The simulation is unstable.")
         U, s, Vt = np.linalg.svd(J, full_matrices=False)
         kept = max(rank, int(np.sum(s > _CLEAR * s[0])))
         U = U[:, :kept]
         J[:] = (U * s[:kept]) @ Vt[:kept]
-        aref[: data.nefc] = U @ (U.T @ aref[: data.nefc])
+        aref[: data.ne] = U @ (U.T @ aref[: data.ne])
 
     return write
 
 
 @contextmanager
-def answering(translation: Translation, rank: int | None = None) -> Iterator[None]:
+def answering(
+    translation: Translation, rank: int | None = None, last: Callable[[Any], None] | None = None
+) -> Iterator[None]:
     """Set MuJoCo's callback for a model within the block.
 
     Parameters
     ----------
     translation : Translation
     rank : int, optional
-        Rank to which dependent rows of constraints are reduced.
+        Rank to which dependent rows of equalities are reduced.
+    last : callable, optional
+        Function that writes more into the data, after all others.
     """
     parts = [
         make(translation)
@@ -142,6 +146,8 @@ def answering(translation: Translation, rank: int | None = None) -> Iterator[Non
     ]
     if rank is not None:
         parts.append(_limited(rank, translation.model.nv))
+    if last is not None:
+        parts.append(last)
 
     def control(_: Any, data: Any) -> None:
         for write in parts:

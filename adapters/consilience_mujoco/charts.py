@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -12,7 +13,7 @@ from consilience.engine import ROD_MARGIN, rod_turn, rods_of, turned_rods
 from consilience.mechanism import Array, rotation_from_quaternion
 from consilience_mujoco.callback import answering
 from consilience_mujoco.messages import warnings_raise
-from consilience_mujoco.methods import WEIGHTS
+from consilience_mujoco.methods import GAINS, WEIGHTS
 from consilience_mujoco.translate import Translation, translate
 
 _Places = dict[int, tuple[list[int], list[int], int, int]]
@@ -28,7 +29,9 @@ def _places(translation: Translation) -> _Places:
     return found
 
 
-def advance(translation: Translation, steps: int, rank: int | None) -> Translation:
+def advance(
+    translation: Translation, steps: int, rank: int | None, at_step: Callable[[Translation], None] | None = None
+) -> Translation:
     """Take steps of a motion; where a rod comes near to its singular pose, go on in another translation.
 
     Parameters
@@ -38,6 +41,8 @@ def advance(translation: Translation, steps: int, rank: int | None) -> Translati
     steps : int
     rank : int, optional
         As in `answering`.
+    at_step : callable, optional
+        Called after every step.
 
     Returns
     -------
@@ -48,7 +53,7 @@ def advance(translation: Translation, steps: int, rank: int | None) -> Translati
     taken = 0
     while taken < steps:
         with warnings_raise(), answering(translation, rank):
-            taken += _steps_in_chart(translation, places, steps - taken)
+            taken += _steps_in_chart(translation, places, steps - taken, at_step)
         if _left(translation, places):
             translation = _turned(translation, places)
     return translation
@@ -59,14 +64,18 @@ def _left(translation: Translation, places: _Places) -> bool:
     return any(abs(np.cos(translation.data.qpos[q[1]])) < ROD_MARGIN for q, *_ in places.values())
 
 
-def _steps_in_chart(translation: Translation, places: _Places, steps: int) -> int:
+def _steps_in_chart(
+    translation: Translation, places: _Places, steps: int, at_step: Callable[[Translation], None] | None
+) -> int:
     """Take steps up to a number, until a rod comes near to its singular pose; return how many were taken."""
     model, data = translation.model, translation.data
-    if not places:
+    if not places and at_step is None:
         mujoco.mj_step(model, data, steps)
         return steps
     for taken in range(1, steps + 1):
         mujoco.mj_step(model, data)
+        if at_step is not None:
+            at_step(translation)
         if _left(translation, places):
             return taken
     return steps
@@ -84,7 +93,7 @@ def _turned(translation: Translation, places: _Places) -> Translation:
     fresh = translate(turned_rods(translation.mechanism, translation.tree, turns))
     model = fresh.model
     model.opt = translation.model.opt
-    for name in ("eq_solref", "eq_solimp", *WEIGHTS):
+    for name in (*GAINS, *WEIGHTS):
         getattr(model, name)[:] = getattr(translation.model, name)
     data = mujoco.MjData(model)
     data.qpos[:], data.qvel[:], data.act[:], data.time = qpos, qvel, old.act, old.time

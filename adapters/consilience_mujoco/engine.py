@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -29,6 +30,10 @@ from consilience.engine import (
 from consilience.mechanism import Array, Mechanism, State, Tree, continuous_in_time, to_elementary_tree
 from consilience_mujoco.callback import answering
 from consilience_mujoco.charts import advance
+from consilience_mujoco.contact_instant import ContactInstant
+from consilience_mujoco.contact_methods import CONTACT_FEATURES, HALVINGS, REASONS, refused, unilateral_methods
+from consilience_mujoco.contact_motion import ContactRecord, extrapolated, set_gains
+from consilience_mujoco.contacts import is_unilateral
 from consilience_mujoco.evaluate import (
     accelerations,
     check_solved,
@@ -56,7 +61,8 @@ from consilience_mujoco.translate import (
 FEATURES = feature_names(
     joints="revolute, prismatic, cylindrical, universal, spherical, planar, rigid, rod, free, screw, "
     "point_on_line, point_in_plane, parallel_axes",
-    elements="spring, joint spring, actuator, load, load in time, friction, control, drive, coupling, rolling, skate",
+    elements="spring, joint spring, actuator, load, load in time, friction, control, drive, coupling, rolling, skate, "
+    + CONTACT_FEATURES,
 )
 """Features of a mechanism that the adapter translates; features that are not listed are refused."""
 
@@ -84,9 +90,9 @@ class MujocoEngine:
 
     def unsupported(self, mechanism: Mechanism, question: Question) -> tuple[Unsupported, ...]:
         """Return the features of the mechanism that MuJoCo cannot represent."""
-        refused = beyond(mechanism, FEATURES, "MuJoCo")
-        if refused:
-            return refused
+        unknown = beyond(mechanism, FEATURES, "MuJoCo", REASONS) or tuple(refused(mechanism))
+        if unknown:
+            return unknown
         reason = f"MuJoCo takes no mass and no principal moment of {mujoco.mjMINVAL:g} or less (mjMINVAL)"
         tendons = [
             Unsupported(f"spring '{s.name}': free length {s.free_length} m", "a tendon has no negative rest length")
@@ -119,7 +125,10 @@ class MujocoEngine:
 
     def methods(self, mechanism: Mechanism, question: Question) -> tuple[Method, ...]:
         """Return the methods that answer the question, the headline method first."""
-        return methods(question, count_rows(mechanism, self._tree(mechanism)), self._stiff(mechanism))
+        equalities = count_rows(mechanism, self._tree(mechanism))
+        if is_unilateral(mechanism):
+            return unilateral_methods(mechanism, question, equalities)
+        return methods(question, equalities, self._stiff(mechanism))
 
     def _stiff(self, mechanism: Mechanism) -> bool:
         """Whether a joint's damper decays faster than `STIFF`, in the drawing."""
@@ -141,21 +150,33 @@ class MujocoEngine:
         return model_answer(translation)
 
     def instant(self, mechanism: Mechanism, states: Sequence[State], method: Method) -> InstantAnswer:
-        """Return accelerations, joint reactions and energies at consistent states."""
+        """Return accelerations, joint reactions, energies and contact forces at consistent states."""
         rows: list[tuple[Any, ...]] = []
+        forces = []
         for state in states:
             translation = self._prepare(mechanism, state, method)
-            with warnings_raise(), answering(translation):
-                set_state(translation, state)
-                mujoco.mj_forward(translation.model, translation.data)
-                if method.route is Route.HARNESS_SOLVE:
-                    solve_by_harness(translation)
+            with warnings_raise():
+                forces.append(self._evaluate(translation, state, method))
                 if method.profile is Profile.MATCHED:
                     check_solved(translation)
                 evaluate_bodies(translation)
                 wrenches = reactions(mechanism, translation, state)
                 rows.append((*accelerations(translation), *wrenches, *energies(translation)))
-        return InstantAnswer(*(np.array(column) for column in zip(*rows, strict=True)))
+        contact_force = np.array(forces) if mechanism.contacts else None
+        answer = InstantAnswer(*(np.array(column) for column in zip(*rows, strict=True)))
+        return replace(answer, contact_force=contact_force)
+
+    @staticmethod
+    def _evaluate(translation: Translation, state: State, method: Method) -> Array:
+        """Evaluate the data at a state, with the constraint forces of the method; return the forces of contacts."""
+        set_state(translation, state)
+        if is_unilateral(translation.mechanism):
+            return ContactInstant(translation).solve(state)
+        with answering(translation):
+            mujoco.mj_forward(translation.model, translation.data)
+        if method.route is Route.HARNESS_SOLVE:
+            solve_by_harness(translation)
+        return np.zeros((0, 3))
 
     def trajectory(
         self, mechanism: Mechanism, state: State, times: Array, method: Method, step: float
@@ -167,26 +188,49 @@ class MujocoEngine:
         mechanism, state, times, method, step
             As in `consilience.engine.Engine.trajectory`.
         """
+        if method.route is Route.EXTRAPOLATED:
+            halved = [step / 2.0**n for n in range(HALVINGS)]
+            return extrapolated([self._motion(mechanism, state, times, method, h) for h in halved])
+        return self._motion(mechanism, state, times, method, step)
+
+    def _motion(
+        self, mechanism: Mechanism, state: State, times: Array, method: Method, step: float
+    ) -> TrajectoryAnswer:
+        """Integrate with one step; parameters as those of `trajectory`."""
         translation = self._prepare(mechanism, state, method)
         steps = steps_per_sample(times, step)
         translation.model.opt.timestep = float(times[1] - times[0]) / steps
         checked = bool(translation.model.neq) and method.profile is Profile.MATCHED
         rank = self._cut(translation, state) if checked else None
+        record = self._start(translation, state, float(times[1] - times[0]), method)
         samples = []
         set_state(translation, state)
         for n in range(len(times)):
             if n > 0:
                 translation.data.time = times[n - 1]  # MuJoCo's clock sums up steps and their rounding errors
-                translation = advance(translation, steps, rank)
-            if checked:
+                translation = advance(translation, steps, rank, record.add_step if record else None)
+            if checked or record:
                 with warnings_raise(), answering(translation, rank):
                     mujoco.mj_forward(translation.model, translation.data)
-                    check_solved(translation)
+                    if checked:
+                        check_solved(translation)
+            if record:
+                record.add_sample(translation)
             samples.append(poses_and_velocities(translation))
         p, quat, v, w = (np.array(column) for column in zip(*samples, strict=True))
         total = steps * (len(times) - 1)
         counters: dict[str, int | float] = {"steps": total, "evaluations": total * evaluations(method)}
-        return TrajectoryAnswer(np.array(times), p, continuous_in_time(quat), v, w, counters)
+        answer = TrajectoryAnswer(np.array(times), p, continuous_in_time(quat), v, w, counters)
+        return record.complete(mechanism, answer) if record else answer
+
+    @staticmethod
+    def _start(translation: Translation, state: State, interval: float, method: Method) -> ContactRecord | None:
+        """Set the gains of contacts, stops and dry friction; return the record of contacts, None if there are none."""
+        if method.profile is Profile.MATCHED and is_unilateral(translation.mechanism):
+            set_state(translation, state)
+            set_gains(translation, state, interval, method.softness or 1.0)
+        contacts = len(translation.mechanism.contacts)
+        return ContactRecord(contacts) if contacts else None
 
     def _cut(self, translation: Translation, state: State) -> int | None:
         """Rank of the constraints at a state if rows are dependent, else None."""

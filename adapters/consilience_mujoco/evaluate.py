@@ -20,7 +20,7 @@ _SCALAR = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 
 
 def constraint_jacobian(translation: Translation) -> Array:
-    """Return the Jacobian of the equalities in MuJoCo's velocities, shape (rows, nv).
+    """Return the Jacobian of all rows in MuJoCo's velocities, shape (rows, nv).
 
     MuJoCo leaves out welds between bodies that cannot move; the buffers are longer than the rows in use.
     """
@@ -35,8 +35,8 @@ def constraint_jacobian(translation: Translation) -> Array:
 
 
 def constraint_rank(translation: Translation) -> tuple[int, int]:
-    """Return the rank and the number of rows of the Jacobian of the constraints."""
-    J = constraint_jacobian(translation)
+    """Return the rank and the number of rows of the Jacobian of the equalities."""
+    J = constraint_jacobian(translation)[: translation.data.ne]
     return numerical_rank(J), len(J)
 
 
@@ -133,7 +133,7 @@ def accelerations(translation: Translation) -> tuple[Array, Array]:
 
 
 def element_efforts(translation: Translation) -> Array:
-    """Return the efforts of springs, friction, controls, drives and couplings in MuJoCo's velocities, shape (nv,)."""
+    """Return the efforts of all elements in joint coordinates, in MuJoCo's velocities, shape (nv,)."""
     model, data, rows = translation.model, translation.data, translation.rows.joints
     efforts = np.zeros(model.nv)
     for joint in range(model.njnt):
@@ -144,8 +144,10 @@ def element_efforts(translation: Translation) -> Array:
     for actuator in np.flatnonzero(model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT):
         dof = model.jnt_dofadr[model.actuator_trnid[actuator, 0]]
         efforts[dof] += model.actuator_gear[actuator, 0] * data.actuator_force[actuator]
+    held = list(range(data.ne, data.ne + data.nf + data.nl))  # dry friction and stops
     if rows:
-        held = first_rows(data, np.array([row.equality for row in rows]))
+        held += first_rows(data, np.array([row.equality for row in rows])).tolist()
+    if held:
         efforts += data.efc_force[held] @ constraint_jacobian(translation)[held]
     return efforts
 

@@ -15,8 +15,10 @@ import numpy as np
 
 from consilience.engine import Method, Question, suited_rods
 from consilience.engine.native import FRICTION, JET, ROLLING, function_data, script
+from consilience.errors import InvalidInput
 from consilience.mechanism import Mechanism, State
 from consilience_mujoco.callback import answering
+from consilience_mujoco.contacts import is_unilateral
 from consilience_mujoco.engine import MujocoEngine
 from consilience_mujoco.export_script import CODE
 from consilience_mujoco.methods import WEIGHTS, configured
@@ -219,7 +221,15 @@ def export_model(title: str, mechanism: Mechanism, state: State) -> dict[str, st
     mechanism : Mechanism
     state : State
         State of the keyframe ``initial``.
+
+    Raises
+    ------
+    InvalidInput
+        If the mechanism has contacts, stops or dry friction.
     """
+    if is_unilateral(mechanism):
+        what = "it has contacts, stops or dry friction, whose gains follow state and step of the adapter"
+        raise InvalidInput(f"export of {title}", what, "Export the mechanism without them.")
     method = MujocoEngine().methods(mechanism, Question.INSTANT)[0]
     translation = configured(translate(suited_rods(mechanism, state)), method)
     with answering(translation):

@@ -27,6 +27,13 @@ _EXACT = {
 }
 """Texts of the manifest, with the features of a mechanism to which they apply."""
 
+_UNILATERAL = (
+    ("contacts", "contacts: a pair for each sphere, corner or end; circular cone in the limit of small steps"),
+    ("stops", "stops: limits of MuJoCo's joints, a spring and damper that is hard in the limit of small steps"),
+    ("dry_frictions", "dry friction: frictionloss; it creeps at a speed proportional to the step"),
+)
+"""Groups of a mechanism whose translation is exact at an instant, and approximated in a motion."""
+
 _SOFT = (
     ("screws", ("screw joint",), "joint equalities"),
     ("drives", ("drive",), "joint equalities, their right-hand side from a callback"),
@@ -51,4 +58,5 @@ def manifest(mechanism: Mechanism, loops: bool) -> Manifest:
             f"{what}, defaults: the same with MuJoCo's softness, regularisation about a tenth",
         )
     ]
+    approximated += [text for group, text in _UNILATERAL if getattr(mechanism, group)]
     return Manifest(tuple(exact), tuple(approximated))

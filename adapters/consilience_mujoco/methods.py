@@ -38,15 +38,21 @@ HARD: dict[str, Any] = {
 WEIGHTS = ("body_invweight0", "dof_invweight0", "tendon_invweight0")
 """Inverse inertias to which the regularisation of welds, rows on joints, and rows on guided bodies is proportional."""
 
+GAINS = (
+    *("eq_solref", "eq_solimp", "pair_solref", "pair_solreffriction", "pair_solimp", "pair_margin"),
+    *("jnt_solref", "jnt_solimp", "jnt_margin", "dof_solref", "dof_solimp"),
+)
+"""Arrays of gains and impedances of the rows of equalities, contacts, stops and dry friction."""
+
 _MATCHED_STEPS = {"RK4": (4, (10, 20, 40)), "Euler": (1, (200, 400, 800))}
 STIFF = 2e3
 """Rate of a damper, 1/s, above which an implicit method is asked too: `RK4` at samples every 0.05 s is unstable."""
 
 _IMPLICIT = {"opt.integrator": "IMPLICITFAST"}
-_DEFAULT_STEPS = (25, 50, 100)
+DEFAULT_STEPS = (25, 50, 100)
 """MuJoCo's time step of 0.002 s at samples every 0.05 s, then a half and a quarter."""
 
-_AT_AN_INSTANT = 2000
+AT_AN_INSTANT = 2000
 """Iterations of the solver at an instant. By CG accelerations converge in tens of iterations; forces inside a linkage
 that cannot move (a slider-crank locked by its coupling) converge slowly: 2.4e-10 off after 500, 3e-12 after 2000."""
 
@@ -81,11 +87,11 @@ def _tree(question: Question) -> tuple[Method, ...]:
     return (
         Method("RK4", Route.NATIVE, rk4, halves, settings=OPTIONS | {"opt.integrator": "RK4"}),
         Method("Euler", Route.NATIVE, euler, steps, settings=OPTIONS),
-        _default("Euler, defaults", None, order=1, substeps=_DEFAULT_STEPS),
+        _default("Euler, defaults", None, order=1, substeps=DEFAULT_STEPS),
     )
 
 
-def _hard(equalities: Equalities) -> dict[str, Any]:
+def hard(equalities: Equalities) -> dict[str, Any]:
     """Settings that make the constraints hard, and the fields that the callback writes."""
     counts = zip(WEIGHTS, (equalities.welds, equalities.joints, equalities.guides), strict=True)
     factors = {f"{name}, factor": INVWEIGHT_SCALE for name, count in counts if count}
@@ -93,19 +99,19 @@ def _hard(equalities: Equalities) -> dict[str, Any]:
     return HARD | factors | (callback if equalities.completed or equalities.written else {})
 
 
-def _iterations(equalities: Equalities) -> int:
+def iterations(equalities: Equalities) -> int:
     """Iterations of the solver at every stage of a step."""
     return 20 + 12 * equalities.welds + 4 * (equalities.joints + equalities.guides)
 
 
 def _held(question: Question, equalities: Equalities) -> tuple[Method, ...]:
-    settings = OPTIONS | _hard(equalities)
+    settings = OPTIONS | hard(equalities)
     softly = not equalities.written or equalities.freedom < _SPARSE
     if question is Question.TRAJECTORY:
-        settings |= {"opt.iterations": _iterations(equalities), "opt.integrator": "RK4", "efc_J": _CUT}
+        settings |= {"opt.iterations": iterations(equalities), "opt.integrator": "RK4", "efc_J": _CUT}
         rk4 = Method("RK4", Route.TUNED, *_MATCHED_STEPS["RK4"], settings=settings, softness=1.0)
-        return (rk4, _default("Euler, defaults", 1.0, order=1, substeps=_DEFAULT_STEPS)) if softly else (rk4,)
-    forward = Method("mj_forward", Route.TUNED, settings=settings | {"opt.iterations": _AT_AN_INSTANT}, softness=1.0)
+        return (rk4, _default("Euler, defaults", 1.0, order=1, substeps=DEFAULT_STEPS)) if softly else (rk4,)
+    forward = Method("mj_forward", Route.TUNED, settings=settings | {"opt.iterations": AT_AN_INSTANT}, softness=1.0)
     if question is Question.MODEL:
         return (replace(forward, softness=None),)
     # other settings of constraints do not enter these equations
@@ -150,6 +156,9 @@ _VALUES: dict[str, Callable[[Any], Any]] = {
     "opt.solver": lambda name: getattr(mujoco.mjtSolver, f"mjSOL_{name}"),
     "opt.iterations": int,
     "opt.tolerance": float,
+    "opt.ls_iterations": int,
+    "opt.cone": lambda name: getattr(mujoco.mjtCone, f"mjCONE_{name}"),
+    "opt.impratio": float,
 }
 """Functions from values of `Method.settings`, by the names of MuJoCo's enumerations, to values of MuJoCo's."""
 
@@ -166,8 +175,8 @@ def configured(translation: Translation, method: Method) -> Translation:
     for name, value in _VALUES.items():
         if name in settings:
             setattr(model.opt, name.removeprefix("opt."), value(settings[name]))
-    for name in ("eq_solref", "eq_solimp"):
-        if name in settings:
+    for name in GAINS:
+        if not isinstance(settings.get(name, ""), str):
             getattr(model, name)[:] = settings[name]
     softness = 1.0 if method.softness is None else method.softness
     if not softness > 0.0:

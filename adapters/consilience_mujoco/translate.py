@@ -8,7 +8,7 @@ MuJoCo has free joints only there, and a free joint constrains nothing.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import mujoco
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from consilience.engine import ELEMENTARY, merged_spring, without_screws
 from consilience.mechanism import (
+    GROUND,
     Array,
     Frame,
     JointSpring,
@@ -27,6 +28,7 @@ from consilience.mechanism import (
     to_elementary_tree,
 )
 from consilience_mujoco.actuators import Signal, add_forces
+from consilience_mujoco.contacts import Limit, Touch, add_contacts, limits_of, touches_of
 from consilience_mujoco.messages import warnings_raise
 from consilience_mujoco.places import add_site, compose, inverse, link_name
 from consilience_mujoco.rows import Rows, add_rows, rows_of
@@ -47,7 +49,8 @@ class Translation:
     ----------
     mechanism : Mechanism
     plain : Mechanism
-        The mechanism with cylindrical joints in place of screws, whose threads are rows of `rows`.
+        The mechanism with cylindrical joints in place of screws, whose threads are rows of `rows`, and with free
+        joints at centres of mass if there are contacts.
     tree : Tree
         Elementary tree of `plain`.
     model, data : mujoco.MjModel, mujoco.MjData
@@ -63,6 +66,10 @@ class Translation:
         Controls of actuators.
     rows : Rows
         Constraints whose rows a callback completes.
+    touches : tuple of Touch
+        Elementary contacts.
+    limits : tuple of Limit
+        Joint coordinates with stops.
     """
 
     mechanism: Mechanism
@@ -76,6 +83,8 @@ class Translation:
     energy_offset: float
     signals: tuple[Signal, ...]
     rows: Rows
+    touches: tuple[Touch, ...] = ()
+    limits: tuple[Limit, ...] = ()
 
 
 def principal_inertia(inertia: Array) -> tuple[Array, Array]:
@@ -217,6 +226,22 @@ def _add_weld(spec: Any, tree: Tree, original: int, copy: int) -> None:
     )
 
 
+def with_free_joints_at_centres(mechanism: Mechanism) -> Mechanism:
+    """Return the mechanism with free joints at the centres of mass, if it has contacts; a free joint has no place.
+
+    MuJoCo's rows of contacts have no velocity terms. Those of a ball on a plane vanish in the velocity of its centre.
+    """
+    if not mechanism.contacts:
+        return mechanism
+    joints = [
+        replace(joint, M=Frame(mechanism.bodies[mechanism.body_index[joint.successor]].com, joint.M.R))
+        if joint.kind == "free" and joint.successor != GROUND
+        else joint
+        for joint in mechanism.joints
+    ]
+    return replace(mechanism, joints=tuple(joints))
+
+
 def translate(mechanism: Mechanism) -> Translation:
     """Compile a mechanism with all options at MuJoCo's defaults; `methods.configured` sets those of a method.
 
@@ -225,7 +250,7 @@ def translate(mechanism: Mechanism) -> Translation:
     ValueError
         MuJoCo's compiler refuses the model, for the reason in its text.
     """
-    plain = without_screws(mechanism, "cylindrical")
+    plain = with_free_joints_at_centres(without_screws(mechanism, "cylindrical"))
     tree, spec = to_elementary_tree(plain), mujoco.MjSpec()
     spec.compiler.degree = False
     spec.option.gravity = mechanism.gravity
@@ -237,6 +262,7 @@ def translate(mechanism: Mechanism) -> Translation:
     for weld in tree.welds:
         _add_weld(spec, tree, weld.original, weld.copy)
     add_rows(spec, mechanism, tree)
+    add_contacts(spec, mechanism, tree)
     with warnings_raise():
         model = spec.compile()
         data = mujoco.MjData(model)
@@ -255,4 +281,6 @@ def translate(mechanism: Mechanism) -> Translation:
         energy_offset=_energy_offset(mechanism, tree),
         signals=signals,
         rows=rows_of(model, mechanism, tree),
+        touches=touches_of(model, mechanism),
+        limits=limits_of(model, mechanism, tree),
     )

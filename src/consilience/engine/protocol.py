@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
-from types import ModuleType
+from types import MappingProxyType, ModuleType
 from typing import Protocol
 
 import numpy as np
@@ -231,7 +231,13 @@ def feature_names(joints: str, elements: str) -> frozenset[str]:
     return frozenset((*(f"{kind} joint" for kind in joints.split(", ")), *elements.split(", ")))
 
 
-def beyond(mechanism: Mechanism, known: Collection[str], name: str) -> tuple[Unsupported, ...]:
+def _because(reasons: Mapping[str, str], feature: str) -> str:
+    return f" ({reasons[feature]})" if feature in reasons else ""
+
+
+def beyond(
+    mechanism: Mechanism, known: Collection[str], name: str, reasons: Mapping[str, str] = MappingProxyType({})
+) -> tuple[Unsupported, ...]:
     """Return the features of a mechanism (`Mechanism.features`) for which an adapter has no translation.
 
     Parameters
@@ -240,9 +246,11 @@ def beyond(mechanism: Mechanism, known: Collection[str], name: str) -> tuple[Uns
         Features that the adapter translates.
     name : str
         Name of the engine, for the reason.
+    reasons : dict, optional
+        Why the engine has no translation, by feature.
     """
     return tuple(
-        Unsupported(where, f"the adapter of {name} has no translation for: {feature}")
+        Unsupported(where, f"the adapter of {name} has no translation for: {feature}{_because(reasons, feature)}")
         for feature, where in mechanism.features.items()
         if feature not in known
     )

@@ -1,0 +1,305 @@
+"""Contacts, stops and dry friction in MuJoCo, against closed forms; lumpy bodies in turned worlds."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from consilience.engine import Profile, Question, Route, defects
+from consilience.mechanism import (
+    GROUND,
+    BoxPlane,
+    CapsulePlane,
+    DiscPlane,
+    Initial,
+    SphereSphere,
+    initial_state,
+    rotation_with_z_axis,
+)
+from contact_problems import LEVEL, G, Lab, fallen_rod, incline, pendulum, stacked, stop_torque, turned
+
+pytest.importorskip("mujoco")
+
+from consilience_mujoco import MujocoEngine
+from consilience_mujoco.contact_motion import damping_ratio, rebound
+from consilience_mujoco.messages import EngineWarningError
+
+I, T = Question.INSTANT, Question.TRAJECTORY
+LAB = Lab()
+FEET = np.array([[0.3 * np.cos(a), 0.3 * np.sin(a), -0.1] for a in (0.0, 2.0 * np.pi / 3.0, 4.0 * np.pi / 3.0)])
+CORNERS = [(x, y, -0.1) for x in (0.3, -0.3) for y in (0.3, -0.3)]
+BALL = (0.008, 0.008, 0.008)
+ENGINE = MujocoEngine()
+
+
+def instant(mechanism, state):
+    """Accelerations of the first body and forces of the contacts, in axes of the lab."""
+    assert ENGINE.unsupported(mechanism, I) == ()
+    answer = ENGINE.instant(mechanism, [state], ENGINE.methods(mechanism, I)[0])
+    assert defects(answer, I, mechanism, 1) == []
+    return (*LAB.acceleration(answer, state), answer.contact_force[0] @ LAB.axes)
+
+
+def motion(mechanism, state, end, samples=20, level=-1, kind=Route.TUNED, profile=Profile.MATCHED, nth=0):
+    assert ENGINE.unsupported(mechanism, T) == ()
+    fits = [m for m in ENGINE.methods(mechanism, T) if m.profile is profile and m.route is kind]
+    times = np.linspace(0.0, end, samples + 1)
+    step = (times[1] - times[0]) / fits[nth].substeps[level]
+    answer = ENGINE.trajectory(mechanism, state, times, fits[nth], step)
+    assert defects(answer, T, mechanism, len(times)) == []
+    return answer
+
+
+def close(values, truth, bar):
+    assert (
+        np.max(np.abs(np.concatenate([np.ravel(v) for v in values]) - np.concatenate([np.ravel(t) for t in truth])))
+        < bar
+    )
+
+
+def ball(mu, load, gravity=LEVEL):
+    return LAB.free_body(2.0, BALL, gravity, [LAB.sphere(0.1, friction=mu)], [load])
+
+
+def test_a_ball_that_rolls_and_is_pushed_at_its_centre():
+    """Newton and Euler with v = w x r n: a = F / (m (1 + 2/5)), and the floor holds back 2/7 of the push."""
+    found = instant(ball(0.5, (3.0, 1.0, 0.0)), LAB.state([0, 0, 0.1], [1.0, 0.5, 0.0], [-5.0, 10.0, 3.0]))
+    a = np.array([3.0, 1.0, 0.0]) / 2.8
+    close(found, (a, np.cross([0, 0, 1.0], a) / 0.1, [-0.8 * a[0], -0.8 * a[1], 2.0 * G]), 1e-12)
+
+
+def test_a_ball_that_slides_is_held_back_against_its_slip():
+    u = np.array([3.0, 1.0, 0.0]) + np.cross([2.0, 5.0, 7.0], [0.0, 0.0, -0.1])
+    friction = -0.5 * 2.0 * G * u / np.linalg.norm(u)
+    found = instant(ball(0.5, (0.0, 2.0, 0.0)), LAB.state([0, 0, 0.1], [3.0, 1.0, 0.0], [2.0, 5.0, 7.0]))
+    truth = (
+        friction / 2.0 + [0.0, 1.0, 0.0],
+        np.cross([0, 0, -0.1], friction) / 0.008,
+        friction + np.array([0, 0, 2.0 * G]),
+    )
+    close(found, truth, 1e-10)
+
+
+def test_a_ball_pushed_too_hard_starts_to_slide_and_is_not_lifted():
+    friction = -0.1 * 2.0 * G * np.array([3.0, 1.0, 0.0]) / np.sqrt(10.0)
+    found = instant(ball(0.1, (30.0, 10.0, 0.0)), LAB.state([0, 0, 0.1], [0, 0, 0]))
+    truth = (
+        friction / 2.0 + [15.0, 5.0, 0.0],
+        np.cross([0, 0, -0.1], friction) / 0.008,
+        friction + np.array([0, 0, 2.0 * G]),
+    )
+    close(found, truth, 1e-10)
+
+
+def test_feet_that_turn_and_slide_have_their_own_centripetal_acceleration():
+    """Three unknown normal forces from Newton and Euler; without ``w x (w x s)`` they are off by a sixth."""
+    mechanism = LAB.free_body(2.0, (0.02, 0.02, 0.04), LEVEL, LAB.points(FEET, friction=0.35))
+    found = instant(mechanism, LAB.state([0, 0, 0.1], [1.2, 0.3, 0.0], [0, 0, 8.0]))
+    u = np.array([1.2, 0.3, 0.0]) + np.cross([0, 0, 8.0], FEET)
+    along = -0.35 * u / np.linalg.norm(u, axis=1)[:, None] + [0, 0, 1.0]
+    wrenches = np.hstack([along, np.cross(FEET, along)]).T
+    N = np.linalg.solve(wrenches[[2, 3, 4]], [2.0 * G, 0.0, 0.0])
+    moving = (wrenches @ N - [0, 0, 2.0 * G, 0, 0, 0]) / [2.0, 2.0, 2.0, 0.02, 0.02, 0.04]
+    close(found, (moving[:3], moving[3:], along * N[:, None]), 1e-10)
+
+
+def test_the_tip_of_a_turning_rod_on_a_smooth_floor():
+    """Kane's rod: the tip's height is ``h - L/2 cos th``; one equation for N."""
+    mechanism, state, alpha, N = fallen_rod(LAB, 0.7, 2.0)
+    found = instant(mechanism, state)
+    close((found[1], found[2]), ([0.0, alpha, 0.0], [0.0, 0.0, N]), 1e-11)
+
+
+def test_a_box_on_a_steep_incline_tips_about_its_edge():
+    moments = [2.0 / 12.0 * (0.04 + 0.36)] * 2 + [2.0 / 12.0 * 0.08]
+    box = BoxPlane("box", "body", LAB.com, np.array([0.1, 0.1, 0.3]), GROUND, LAB.origin, LAB.axes[:, 2],
+                   orientation=LAB.principal, friction=0.6)  # fmt: skip
+    mechanism = LAB.free_body(2.0, moments, incline(25), [box])
+    _, alpha, force = instant(mechanism, LAB.state([0, 0, 0.3], [0, 0, 0]))
+    close((alpha, force), ([0.0, 2.66008203914944, 0.0], [-6.69572107186286, 0.0, 18.313775189489]), 1e-10)
+
+
+def test_a_box_on_a_box_slides_on_a_plane_that_moves():
+    mechanism, state = stacked(LAB, 25.0)
+    answer = ENGINE.instant(mechanism, [state], ENGINE.methods(mechanism, I)[0])
+    lower, upper = (25.0 - 0.2 * 4.0 * G - 0.35 * G) / 3.0, 0.35 * G
+    close(
+        (answer.a_WB_W[0] @ LAB.axes, answer.alpha_WB_W[0]), ([[lower, 0, 0], [upper, 0, 0]], np.zeros((2, 3))), 1e-11
+    )
+    on_upper = answer.contact_force[0, 4:].sum(axis=0) @ LAB.axes
+    close((on_upper,), ([0.35 * G, 0.0, G],), 1e-11)
+
+
+def test_a_ball_on_a_ball_rolls_off():
+    """From rest at the angle th from the top: the centre has ``5/7 g sin th``, the normal force is ``m g cos th``."""
+    th, r, R = 0.1, 0.1, 0.5
+    contact = SphereSphere("ball", "body", LAB.com, r, GROUND, LAB.origin, R, friction=0.4)
+    mechanism = LAB.free_body(2.0, BALL, LEVEL, [contact])
+    n, t = np.array([np.sin(th), 0.0, np.cos(th)]), np.array([np.cos(th), 0.0, -np.sin(th)])
+    a, _, force = instant(mechanism, LAB.state((R + r) * n, [0, 0, 0]))
+    truth = 5.0 / 7.0 * G * np.sin(th) * t, 2.0 * G * (np.cos(th) * n - 2.0 / 7.0 * np.sin(th) * t)
+    close((a, force), truth, 1e-11)
+
+
+def test_an_instant_of_an_impact_is_refused():
+    with pytest.raises(EngineWarningError, match=r"closes at 0\.5 m/s"):
+        instant(ball(0.5, (0, 0, 0)), LAB.state([0, 0, 0.1], [0, 0, -0.5]))
+
+
+@pytest.mark.parametrize(("q", "rate"), [(1.5, 0.0), (0.05, 0.0), (0.7, 2.0), (0.7, -2.0)])
+def test_dry_friction_of_a_hinge_slides_and_sticks(q, rate):
+    mechanism = pendulum(LAB, bound=0.5)
+    state = initial_state(mechanism, Initial({"hinge": {"angle": q}}, {"hinge": {"angle": rate}}))
+    answer = ENGINE.instant(mechanism, [state], ENGINE.methods(mechanism, I)[0])
+    weight = -0.5 * G * np.sin(q)
+    brake = -0.5 * np.sign(rate) if rate else -np.clip(weight, -0.5, 0.5)
+    close((LAB.axes.T @ answer.alpha_WB_W[0, 0],), ([0.0, 3.0 * (weight + brake), 0.0],), 1e-12)
+    assert np.abs(answer.torque_F[0, 0, 2]) < 1e-9  # the effort in the coordinate is no reaction
+
+
+def test_a_rod_that_rests_on_a_stop():
+    mechanism = pendulum(LAB, stop={"lower": 0.3})
+    state = initial_state(mechanism, Initial({"hinge": {"angle": 0.3}}))
+    answer = ENGINE.instant(mechanism, [state], ENGINE.methods(mechanism, I)[0])
+    close((answer.alpha_WB_W, answer.torque_F[0, 0, 2:]), (np.zeros(3), [0.0]), 1e-9)
+
+
+def test_a_tripod_that_slides_and_turns():
+    mechanism = LAB.free_body(2.0, (0.02, 0.02, 0.04), LEVEL, LAB.points(FEET, friction=0.35))
+    state = LAB.state([0, 0, 0.1], [1.2, 0.3, 0.0], [0, 0, 8.0])
+    truth = (
+        [0.268932909539885, 0.0683292593686934, 0.1],
+        [0.465206877057222, 0.104016199456826, 0, 0, 0, 0.300541242906497],
+    )
+    answer = motion(mechanism, state, 0.3, 6, 2, Route.EXTRAPOLATED)
+    p, v, w = LAB.centre(answer)
+    close((p, v, w), truth, 1e-9)
+    lost = 2.0 * (v - [1.2, 0.3, 0.0])
+    close((answer.contact_impulse.sum(axis=(0, 1)) @ LAB.axes,), (lost + np.array([0, 0, 0.3 * 2.0 * G]),), 1e-6)
+    assert np.all(answer.contact_mode[1:] == 1)
+    errors = [
+        np.abs(LAB.centre(motion(mechanism, state, 0.3, 6, level))[0][:2] - truth[0][:2]).max() for level in (0, 1)
+    ]
+    assert errors[0] / errors[1] == pytest.approx(2.0, abs=0.1)
+
+
+def test_a_bowling_ball_slides_on_a_parabola_then_rolls():
+    inertia = 0.4 * 1.3 * 0.11**2
+    mechanism = LAB.free_body(1.3, [inertia] * 3, LEVEL, [LAB.sphere(0.11, friction=0.2)])
+    answer = motion(mechanism, LAB.state([0, 0, 0.11], [3.0, 1.0, 0.0], [25.0, 10.0, 40.0]), 2.0, 40)
+    truth = (
+        [5.08044993254752, 0.185098551080632, 0.11],
+        [2.45714285714286, -0.0714285714285714, 0.0],
+        [0.649350649350649, 22.3376623376623, 40.0],
+    )
+    close(LAB.centre(answer), truth, 1e-5)
+    assert set(answer.contact_mode[1:12, 0]) == {1}
+    assert set(answer.contact_mode[-20:, 0]) == {2}
+
+
+def test_a_block_that_slides_up_an_incline_stays_there():
+    mechanism = LAB.free_body(2.0, (0.02, 0.03, 0.04), incline(20), LAB.points(CORNERS, friction=0.5))
+    answer = motion(mechanism, LAB.state([0, 0, 0.1], [-3.0, 0, 0]), 0.6, 12, 1, Route.EXTRAPOLATED)
+    close(LAB.centre(answer)[:1], ([-0.565013610587311, 0, 0.1],), 1e-7)
+    assert np.all(answer.contact_mode[-3:] == 2)
+
+
+def test_a_ball_starts_to_slide_just_below_the_threshold_of_rolling():
+    """mu = 0.16 and 0.17 beside 2/7 tan 30 deg = 0.16496."""
+    inertia = 0.4 * 1.3 * 0.01
+    for mu, x, bar in ((0.17, 1.75178571428571, 1e-4), (0.16, 1.77284326310997, 1e-11)):
+        mechanism = LAB.free_body(1.3, [inertia] * 3, incline(30), [LAB.sphere(0.1, friction=mu)])
+        answer = motion(mechanism, LAB.state([0, 0, 0.1], [0, 0, 0]), 1.0, 20, 0, Route.EXTRAPOLATED)
+        close((LAB.centre(answer)[0],), ([x, 0.0, 0.1],), bar)
+
+
+def test_a_ball_bounces_with_its_restitution_whatever_its_mass():
+    """The spring holds the ball for pi / 1000 s; a softness of a quarter is sixteen times the stiffness."""
+    t1, u = np.sqrt(2.0 / G), np.sqrt(2.0 * G)
+    later = 0.7 - t1
+    truth = [0, 0, 0.1 + 0.5 * u * later - 0.5 * G * later**2], [0, 0, 0.5 * u - G * later]
+    for mass, softness, bar in ((1.3, 1.0, 3e-2), (40.0, 0.25, 1e-2)):
+        mechanism = LAB.free_body(mass, [0.4 * mass * 0.01] * 3, LEVEL, [LAB.sphere(0.1, restitution=0.5)])
+        method = replace(ENGINE.methods(mechanism, T)[0], softness=softness)
+        answer = ENGINE.trajectory(
+            mechanism, LAB.state([0, 0, 1.1], [0, 0, 0]), np.linspace(0, 0.7, 15), method, 2.5e-5
+        )
+        close(LAB.centre(answer)[:2], truth, bar)
+
+
+def test_the_rebound_of_a_damping_ratio():
+    for restitution in (1.0, 0.8, 0.5, 0.2, 0.01):
+        assert rebound(damping_ratio(restitution)) == pytest.approx(restitution, abs=1e-12)
+    assert rebound(1.0) == pytest.approx(np.exp(-2.0))
+
+
+def test_a_pendulum_with_dry_friction_comes_to_rest_away_from_its_lowest_point():
+    mechanism = pendulum(LAB, bound=0.5)
+    state = initial_state(mechanism, Initial({"hinge": {"angle": 1.5}}))
+    answer = motion(mechanism, state, 6.0, 60, 1)
+    close((LAB.angle(answer), LAB.axes.T @ answer.w_WB_W[-1, 0]), ([0.0994902036052787], np.zeros(3)), 2e-4)
+
+
+def test_a_pendulum_bounces_to_rest_on_a_stop():
+    mechanism = pendulum(LAB, stop={"lower": 0.3, "restitution": 0.5})
+    state = initial_state(mechanism, Initial({"hinge": {"angle": 1.0}}))
+    answer = motion(mechanism, state, 2.0, 20, 0)
+    close((LAB.angle(answer), answer.w_WB_W[-1, 0]), ([0.3], np.zeros(3)), 2e-3)
+    assert stop_torque(0.3) == pytest.approx(1.44952661367387)
+
+
+LEVEL_LAB = Lab(axes=np.eye(3), principal=turned(0.0, 0.0, 0.4))
+TILTED_LAB = Lab(axes=rotation_with_z_axis([1.0, 2.0, 2.0], [1.0, 0.0, 0.0]))
+
+
+@pytest.mark.parametrize(
+    ("lab", "stops"),
+    [(LEVEL_LAB, (1.14678899082569, 0.993148398835365)), (TILTED_LAB, (1.44277502802545, 0.727896726196555))],
+    ids=["level", "tilted"],
+)
+def test_the_defaults_have_a_pyramid_with_axes_from_the_world(lab, stops):
+    """The block of the skew slide stops where the law says that the method declares, not where the circle says."""
+    mechanism = lab.free_body(2.0, (0.0667, 0.0667, 0.12), LEVEL, lab.points(CORNERS, friction=0.4))
+    state = lab.state([0, 0, 0.1], 3.0 * np.array([np.cos(np.pi / 6), 0.5, 0.0]))
+    circle = np.array([0.993148398835365, 0.573394495412844])
+    for nth, truth in ((0, stops), (1, circle)):
+        answer = motion(mechanism, state, 1.3, 26, 1, Route.NATIVE, Profile.DEFAULT, nth)
+        close((lab.centre(answer)[0][:2],), (truth,), 0.01)
+    close((lab.centre(motion(mechanism, state, 1.3, 26, 0))[0][:2],), (circle,), 1e-4)
+    law = ENGINE.methods(mechanism, T)[2].law
+    t1, _ = law.cone.tangents(lab.axes[:, 2])
+    assert (law.cone.kind, law.cone.facets, law.cone.offset) == ("pyramid", 4, 0.0)
+    assert abs(t1 @ lab.axes[:, 2]) < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("contact", "words"),
+    [
+        (lambda: LAB.sphere(0.1, restitution=0.5, friction=0.1), "depends on friction and on the masses"),
+        (lambda: LAB.sphere(0.1, friction=0.1, rolling=0.01), "one ellipsoid"),
+        (lambda: LAB.sphere(0.1, friction=0.1, static_friction=0.2), "one coefficient"),
+        (
+            lambda: DiscPlane("d", "body", LAB.com, np.array([1.0, 0, 0]), 0.1, GROUND, LAB.origin, LAB.axes[:, 2]),
+            "rim",
+        ),
+    ],
+)
+def test_what_mujoco_cannot_represent_is_named_with_the_reason(contact, words):
+    refused = ENGINE.unsupported(LAB.free_body(2.0, BALL, LEVEL, [contact()]), T)
+    assert len(refused) == 1
+    assert words in refused[0].reason
+
+
+def test_only_the_declared_pairs_collide():
+    """A second body falls through the floor and through the first, which have pairs of their own."""
+    mechanism, state = stacked(LAB, 0.0, upper=False)
+    answer = motion(mechanism, state, 0.2, 4, 0)
+    close((LAB.axes[:, 2] @ answer.v_WB_W[-1, 1],), ([-0.2 * G],), 1e-9)
+
+
+def test_capsules_touch_at_both_ends():
+    capsule = CapsulePlane("c", "body", LAB.in_body([0.2, 0, 0]), LAB.in_body([-0.1, 0, 0]), 0.1, GROUND, LAB.origin,
+                           LAB.axes[:, 2], friction=0.5)  # fmt: skip
+    mechanism = LAB.free_body(2.0, (0.01, 0.02, 0.02), LEVEL, [capsule], [(1.0, 0.0, 0.0)])
+    a, alpha, force = instant(mechanism, LAB.state([0, 0, 0.1], [0, 0, 0]))
+    close((a, alpha, force), (np.zeros(3), np.zeros(3), [-1.0, 0.0, 2.0 * G]), 1e-11)
