@@ -18,7 +18,6 @@ from consilience.engine.native import FRICTION, JET, ROLLING, function_data, scr
 from consilience.errors import InvalidInput
 from consilience.mechanism import Mechanism, State
 from consilience_mujoco.callback import answering
-from consilience_mujoco.contacts import is_unilateral
 from consilience_mujoco.engine import MujocoEngine
 from consilience_mujoco.export_script import CODE
 from consilience_mujoco.methods import WEIGHTS, configured
@@ -227,9 +226,11 @@ def export_model(title: str, mechanism: Mechanism, state: State) -> dict[str, st
     InvalidInput
         If the mechanism has contacts, stops or dry friction.
     """
-    if is_unilateral(mechanism):
-        what = "it has contacts, stops or dry friction, whose gains follow state and step of the adapter"
-        raise InvalidInput(f"export of {title}", what, "Export the mechanism without them.")
+    groups = {"contact": mechanism.contacts, "stop": mechanism.stops, "dry friction": mechanism.dry_frictions}
+    for what, elements in groups.items():
+        for element in elements:
+            reason = "its gains follow the state and the step, which only the adapter knows"
+            raise InvalidInput(f"{what} '{element.name}'", reason, "Export the mechanism without it.")
     method = MujocoEngine().methods(mechanism, Question.INSTANT)[0]
     translation = configured(translate(suited_rods(mechanism, state)), method)
     with answering(translation):
