@@ -212,8 +212,8 @@ def _contact_wrenches(translation: Translation) -> WeldWrenches:
     return result
 
 
-def _multiplier_wrenches(translation: Translation, lam: Array) -> WeldWrenches:
-    """Wrenches of the welds from multipliers of `weld_rows`: wrenches on the copy at B, world axes."""
+def multiplier_wrenches(translation: Translation, lam: Array) -> WeldWrenches:
+    """Return wrenches of the welds from multipliers of `weld_rows`: wrenches on the copy at B, world axes."""
     data, result = translation.data, []
     for n, seats in enumerate(translation.welds):
         sides = []
@@ -253,7 +253,7 @@ def _solved(
         return a, _contact_wrenches(contacts.translation), contacts.multipliers()
     else:
         return articulated_body(translation, elements)(*start), [], np.zeros(0)
-    return a, _multiplier_wrenches(translation, lam), lam[6 * len(translation.welds) :]
+    return a, multiplier_wrenches(translation, lam), lam[6 * len(translation.welds) :]
 
 
 def solve(translation: Translation, elements: Elements, method: Method, q: Array, v: Array) -> Solution:
@@ -267,6 +267,29 @@ def solve(translation: Translation, elements: Elements, method: Method, q: Array
     q, v : ndarray, shape (nq,) and (nv,)
     """
     a, weld_wrenches, lam = _solved(translation, elements, method, q, v)
+    return collected(translation, elements, (q, v, a), weld_wrenches, lam)
+
+
+def collected(
+    translation: Translation,
+    elements: Elements,
+    motion: tuple[Array, Array, Array],
+    weld_wrenches: WeldWrenches,
+    lam: Array,
+) -> Solution:
+    """Collect the forces of springs, loads, efforts, welds and rows at time zero; they leave the motion in the data.
+
+    Parameters
+    ----------
+    translation : Translation
+    elements : Elements
+    motion : tuple of ndarray
+        q (nq,), v and a (nv,).
+    weld_wrenches : list
+    lam : ndarray
+        Multipliers of the elements' rows.
+    """
+    q, v, a = motion
     # the solvers leave other accelerations in `data` than those of the moving frames
     pin.forwardKinematics(translation.model, translation.data, q, v, a)
     W = elements.forces.wrenches()

@@ -25,14 +25,18 @@ from consilience.engine import (
 )
 from consilience.mechanism import Array, Mechanism, State
 from consilience_pinocchio.charts import suited
+from consilience_pinocchio.cones import SETTINGS
 from consilience_pinocchio.contacts import hold_all
 from consilience_pinocchio.dynamics import PROXIMAL, solve
 from consilience_pinocchio.elements import Elements
 from consilience_pinocchio.mimic import MIMIC, has_mimic
+from consilience_pinocchio.moreau import extrapolated, move
 from consilience_pinocchio.motion import integrate
 from consilience_pinocchio.observe import accelerations, composite_inertia, energies, freedom
 from consilience_pinocchio.reactions import reactions
+from consilience_pinocchio.settling import settle
 from consilience_pinocchio.translate import Translation, configuration, translate
+from consilience_pinocchio.unilateral import touches
 
 
 def _integrated(solver: str, settings: dict[str, Any]) -> Method:
@@ -72,6 +76,26 @@ _CONTACT_METHODS = {
 }
 _MIMIC_METHOD = Method("crba and nle with JointModelMimic", Route.HARNESS_SOLVE, settings=dict(MIMIC))
 
+_TOUCHING = "ADMMConstraintSolver on rows of the adapter"
+_STEPPED = f"{_TOUCHING} + Moreau's stepping of the harness"
+_EXTRAPOLATED = f"{_STEPPED}, extrapolated"
+
+
+def _touching(mechanism: Mechanism) -> dict[Question, tuple[Method, ...]]:
+    """Methods of a mechanism with contacts, stops or dry friction."""
+    associated = any(contact.associated for contact in mechanism.contacts)
+    settings = SETTINGS | {"solve_ncp": not associated}
+    law = ("circle, associated" if associated else "circle") if mechanism.contacts else ""
+    stepping = Route.HARNESS_STEPPING
+    return {
+        Question.INSTANT: (Method(_TOUCHING, Route.TUNED, settings=settings, contact_law=law),),
+        Question.TRAJECTORY: (
+            Method(_STEPPED, stepping, 1, (10, 20, 40), settings=settings, contact_law=law),
+            Method(_EXTRAPOLATED, stepping, 3, (4, 8, 16), settings=settings, contact_law=law),
+        ),
+    }
+
+
 _KIND_REMARKS = {
     "rod": "rod: massless link of two revolutes and a ball, its axes turned away from their singular pose",
     "universal": "universal: massless link between two revolutes",
@@ -90,12 +114,18 @@ _ELEMENT_REMARKS = {
     "couplings": "couplings: not native, rows of the adapter in joint accelerations",
     "rollings": "rolling: a 3D contact at the material point, its acceleration by the adapter; or rows of the adapter",
     "skates": "skates: not native, rows of the adapter by Pinocchio's Jacobians",
+    "contacts": "contacts: rows of the adapter at the nearest points, cones and solver of Pinocchio",
+    "stops": "stops: rows of the adapter in single coordinates, intervals and solver of Pinocchio",
+    "dry_frictions": "dry friction: rows of the adapter in single coordinates, intervals and solver of Pinocchio",
 }
 
 FEATURES = feature_names(
     joints="revolute, prismatic, cylindrical, universal, spherical, planar, rigid, rod, free, screw, "
     "point_on_line, point_in_plane, parallel_axes",
-    elements="spring, joint spring, actuator, load, load in time, friction, control, drive, coupling, rolling, skate",
+    elements="spring, joint spring, actuator, load, load in time, friction, control, drive, coupling, rolling, skate, "
+    "sphere on plane contact, point on plane contact, sphere on sphere contact, box on plane contact, "
+    "capsule on plane contact, disc on plane contact, moving plane contact, contact restitution, contact friction, "
+    "static friction, associated cone, stop, stop restitution, dry friction",
 )
 """Features of a mechanism that the adapter translates; features that are not listed are refused."""
 
@@ -123,11 +153,19 @@ class PinocchioEngine:
 
     def unsupported(self, mechanism: Mechanism, question: Question) -> tuple[Unsupported, ...]:
         """Return the features without a translation."""
-        return beyond(mechanism, FEATURES, "Pinocchio")
+        refused = beyond(mechanism, FEATURES, "Pinocchio")
+        if len({contact.associated for contact in mechanism.contacts if contact.friction}) > 1:
+            refused += (Unsupported("associated cones beside others", "Pinocchio's solver has one setting for all"),)
+        if question is Question.TRAJECTORY and touches(mechanism) and any(j.kind == "rod" for j in mechanism.joints):
+            reason = "a rod changes its coordinates under way, which the stepping of contacts does not"
+            refused += (Unsupported("rod joint beside contacts", reason),)
+        return refused
 
     def methods(self, mechanism: Mechanism, question: Question) -> tuple[Method, ...]:
         """Return the methods that answer the question, the headline method first, by the kinds of constraints."""
         translation, elements = self._translated(mechanism)
+        if question is not Question.MODEL and touches(mechanism):
+            return _touching(mechanism)[question]
         if elements.rows.count:
             more = question is Question.INSTANT and has_mimic(translation)
             methods = _CONTACT_METHODS if hold_all(translation) else _ROW_METHODS
@@ -159,15 +197,19 @@ class PinocchioEngine:
         a, alpha = np.zeros((2, n_s, n_b, 3))
         force, torque = np.zeros((2, n_s, n_j, 3))
         kinetic, potential = np.zeros((2, n_s))
+        pressing = np.zeros((n_s, len(mechanism.contacts), 3))
         for n, state in enumerate(states):
             translation, elements = self._suited(mechanism, state)
             q, v = configuration(translation, state)
-            solution = solve(translation, elements, method, q, v)
+            if method.name == _TOUCHING:
+                solution, pressing[n] = settle(translation, elements, q, v)
+            else:
+                solution = solve(translation, elements, method, q, v)
             a[n], alpha[n] = accelerations(translation)
             force[n], torque[n] = reactions(mechanism, translation, elements, solution, state, method.profile)
             kinetic[n], potential[n] = energies(translation, q, v)
             potential[n] += elements.forces.potential() + elements.efforts.potential(q)
-        return InstantAnswer(a, alpha, force, torque, kinetic, potential)
+        return InstantAnswer(a, alpha, force, torque, kinetic, potential, pressing if mechanism.contacts else None)
 
     def trajectory(
         self, mechanism: Mechanism, state: State, times: Array, method: Method, step: float
@@ -181,4 +223,6 @@ class PinocchioEngine:
         """
         translation, elements = self._suited(mechanism, state)
         q, v = configuration(translation, state)
+        if method.route is Route.HARNESS_STEPPING:
+            return (extrapolated if method.name == _EXTRAPOLATED else move)(translation, q, v, np.asarray(times), step)
         return integrate(translation, elements, q, v, times, step)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,7 @@ from consilience.mechanism import (
     State,
     Tree,
     coordinates,
+    cross,
     full_turns,
     relative_motion,
     rotation_from_quaternion,
@@ -34,6 +35,9 @@ from consilience.mechanism import (
 WORLD_AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
 _TURN = 2.0 * math.pi
+
+_SPLIT = "TS"
+"""A free joint as a translation of the centre of mass and a ball."""
 
 _JOINT_MODELS: dict[str, Any] = {
     "R": pin.JointModelRZ,
@@ -112,6 +116,26 @@ def _joint_model(joint: Joint, link: Link) -> Any:
     return pin.JointModelHZ(joint.pitch / _TURN) if joint.pitch else _JOINT_MODELS[link.elementary]()
 
 
+def _motion(mechanism: Mechanism, link: Link) -> str:
+    """Kind of a link's elementary joint; a free joint is split beside contacts, at the centre of mass.
+
+    A step ``v + h a`` in the body's axes, as a free-flyer has them, turns the velocity of a rolling body with the body;
+    a step of another point than the centre of mass goes straight where the point turns. Both are errors in the first
+    order of h, by which a body in free flight leaves its parabola.
+    """
+    return _SPLIT if link.elementary == "F" and mechanism.contacts else link.elementary
+
+
+def _jointed(model: Any, parent: int, placement: Any, mechanism: Mechanism, link: Link) -> Seat:
+    """Add the joint of a link behind a placement on its parent."""
+    if _motion(mechanism, link) != _SPLIT:
+        joint_model = _joint_model(mechanism.joints[link.joint], link)
+        return Seat(model.addJoint(parent, joint_model, placement, link.name), pin.SE3.Identity())
+    center = model.addJoint(parent, pin.JointModelTranslation(), placement, f"centre of {link.name}")
+    turning = model.addJoint(center, pin.JointModelSpherical(), pin.SE3.Identity(), link.name)
+    return Seat(turning, pin.SE3(np.eye(3), -np.array(link.com)))
+
+
 def translate(mechanism: Mechanism) -> Translation:
     """Build the Pinocchio model of a mechanism.
 
@@ -131,9 +155,7 @@ def translate(mechanism: Mechanism) -> Translation:
         if link.elementary == "W":
             seat = Seat(parent.joint, placement)
         else:
-            joint_model = _joint_model(mechanism.joints[link.joint], link)
-            joint = model.addJoint(parent.joint, joint_model, placement, link.name)
-            seat = Seat(joint, pin.SE3.Identity())
+            seat = _jointed(model, parent.joint, placement, mechanism, link)
         model.appendBodyToJoint(seat.joint, link_inertia(link), seat.placement)
         seats.append(seat)
     data = model.createData()
@@ -191,7 +213,21 @@ def _free(c: Coordinate) -> tuple[list[float], list[float]]:
     return [*c.p, *quat], [*(R.T @ c.v), *w]
 
 
-_COORDINATES = {"R": _scalar, "P": _scalar, "S": _ball, "F": _free, "W": _no_coordinate}
+def _split(c: Coordinate) -> tuple[list[float], list[float]]:
+    """Position and velocity of a translation, in axes of the parent, with a ball behind it."""
+    assert c.p is not None
+    assert c.v is not None
+    quat, w = _ball(c)
+    return [*c.p, *quat], [*c.v, *w]
+
+
+def _of_center(c: Coordinate, com: Array) -> Coordinate:
+    """Return the coordinates of a free joint for the centre of mass, given in axes of the link."""
+    R = rotation_from_quaternion(c.quat)  # type: ignore[arg-type]  # a free joint has all
+    return replace(c, p=c.p + R @ com, v=c.v + R @ cross(c.w, com))  # type: ignore[operator,arg-type]
+
+
+_COORDINATES = {"R": _scalar, "P": _scalar, "S": _ball, "F": _free, _SPLIT: _split, "W": _no_coordinate}
 
 
 def configuration(translation: Translation, state: State) -> tuple[Any, Any]:
@@ -203,7 +239,8 @@ def configuration(translation: Translation, state: State) -> tuple[Any, Any]:
     q: list[float] = []
     v: list[float] = []
     for link, coordinate in zip(tree.links, coordinates(translation.plain, tree, state), strict=True):
-        q_link, v_link = _COORDINATES[link.elementary](coordinate)
+        kind = _motion(mechanism, link)
+        q_link, v_link = _COORDINATES[kind](_of_center(coordinate, link.com) if kind == _SPLIT else coordinate)
         joint = mechanism.joints[link.joint]
         if joint.pitch:
             displacement = float(relative_motion(mechanism, state, joint).p[2])

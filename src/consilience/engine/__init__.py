@@ -18,6 +18,7 @@ from consilience.engine.answers import (
     TrajectoryAnswer,
     Unsupported,
 )
+from consilience.engine.contact_samples import joined_mode, limit_of_halved, motion_of_halved, over_parts
 from consilience.engine.elementary_models import ELEMENTARY, axis_link, merged_spring, without_screws
 from consilience.engine.harness_solvers import numerical_rank, require_stable, runge_kutta_4, solve_constrained
 from consilience.engine.installation import adapter_file, engine_distribution, lacks_engine, pip_requirement
@@ -64,11 +65,15 @@ __all__ = [
     "engines_like",
     "feature_names",
     "installed",
+    "joined_mode",
     "lacks_engine",
+    "limit_of_halved",
     "load_engine",
     "load_named",
     "merged_spring",
+    "motion_of_halved",
     "numerical_rank",
+    "over_parts",
     "pip_requirement",
     "require_installed",
     "require_stable",

@@ -22,6 +22,7 @@ class Route(StrEnum):
     EXTRAPOLATED = "native, extrapolated"
     HARNESS_SOLVE = "engine terms with the harness's constraint solve"
     HARNESS_INTEGRATOR = "engine accelerations with the harness's integrator"
+    HARNESS_STEPPING = "engine's contact solver with the harness's stepping"
     REFERENCE = "reference"
 
 

@@ -147,6 +147,7 @@ ROUTES: dict[str, tuple[str, str]] = {
     Route.EXTRAPOLATED: ("extrapolated", "Richardson extrapolation over runs of the engine's own"),
     Route.HARNESS_SOLVE: ("harness solve", "the engine's terms, the constraints solved by the harness"),
     Route.HARNESS_INTEGRATOR: ("harness integrator", "the engine's accelerations, integrated by the harness"),
+    Route.HARNESS_STEPPING: ("harness stepping", "the engine's contact solver, in steps of the harness"),
     Route.REFERENCE: ("reference", "the reference solver itself"),
 }
 """Short name and meaning of each route."""

@@ -1,0 +1,144 @@
+"""Forces of contacts, stops and dry friction by Pinocchio's `ADMMConstraintSolver`.
+
+The solver finds f with ``G f + y`` in the dual of a product of sets, complementary to f in the sets. G is the Delassus
+matrix ``J M^-1 J^T`` of the adapter's rows; constraint models of Pinocchio give the sets alone: a point contact the
+cone of Coulomb, joint friction an interval, a point anchor three constraints. With ``solve_ncp`` the solver adds de
+Saxce's term, so that sliding does not lift.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from consilience.mechanism import Array
+
+TOLERANCE = 1e-13
+"""Tolerances of the solver, relative to the data and absolute in m/s^2 and N; the defaults are 1e-6."""
+
+FEW_ITERATIONS, MOST_ITERATIONS = 300, 20000
+
+ROUNDING = 1e-11
+"""Residual relative to the data at which few iterations are enough: dependent rows do not get to the tolerance."""
+
+ACCEPTED = 1e-8
+"""Largest residual of an answer, relative to the data."""
+
+SETTINGS: dict[str, Any] = {
+    "tolerances": TOLERANCE,
+    "max_iterations": f"{FEW_ITERATIONS}, {MOST_ITERATIONS} above a residual of {ROUNDING:g}",
+    "admm_update_rule": "SPECTRAL",
+    "solve_ncp": True,
+}
+
+
+@dataclass(frozen=True)
+class Interval:
+    """Set of one force: at least `lower`, at most `upper`."""
+
+    lower: float
+    upper: float
+
+
+@dataclass(frozen=True)
+class Circle:
+    """Coulomb's cone of three forces: two tangents, then the normal."""
+
+    friction: float
+
+
+@dataclass(frozen=True)
+class Anchor:
+    """All forces of three rows: constraints."""
+
+
+ForceSet = Interval | Circle | Anchor
+
+ONE_SIDED = Interval(0.0, np.inf)
+
+
+@lru_cache(maxsize=1)
+def _hinge() -> tuple[Any, Any]:
+    """Return a model of one hinge, which sets need and do not use."""
+    model = pin.Model()
+    model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "hinge")
+    joints = pin.StdVec_Index()
+    joints.append(1)
+    return model, joints
+
+
+def _model(of: ForceSet) -> Any:
+    model, joints = _hinge()
+    if isinstance(of, Interval):
+        return pin.JointFrictionConstraintModel(model, joints, np.array([of.lower]), np.array([of.upper]))
+    ends = model, 0, pin.SE3.Identity(), 1, pin.SE3.Identity()
+    if isinstance(of, Anchor):
+        return pin.PointAnchorConstraintModel(*ends)
+    contact = pin.PointContactConstraintModel(*ends)
+    contact.setFriction(of.friction)
+    return contact
+
+
+class ConeSolver:
+    """The solver for rows in given sets; it keeps the sets of the last call, and the forces as its first guess.
+
+    Parameters
+    ----------
+    associated : bool
+        Leave out de Saxce's term: the convex cone, which sliding lifts.
+    """
+
+    def __init__(self, associated: bool = False) -> None:
+        self._sets: tuple[ForceSet, ...] | None = None
+        self._settings = pin.ADMMSolverSettings()
+        self._settings.admm_update_rule = pin.ADMMUpdateRule.SPECTRAL
+        self._settings.solve_ncp = not associated
+        for kind in ("feasibility", "complementarity"):
+            for scale in ("absolute", "relative"):
+                setattr(self._settings, f"{scale}_{kind}_tol", TOLERANCE)
+        self.iterations = 0
+
+    def forces(self, G: Array, y: Array, sets: Sequence[ForceSet]) -> Array:
+        """Return the forces f (n,) of rows in sets.
+
+        Parameters
+        ----------
+        G : ndarray, shape (n, n)
+        y : ndarray, shape (n,)
+            Accelerations along the rows without the forces.
+        sets : sequence of ForceSet
+            Of consecutive rows: one row for an interval, three for others.
+
+        Raises
+        ------
+        ArithmeticError
+            The solver does not converge.
+        """
+        if self._sets != tuple(sets):
+            self._sets = tuple(sets)
+            self._models, self._data = pin.StdVec_ConstraintModel(), pin.StdVec_ConstraintData()
+            for one in sets:
+                self._models.append(_model(one))
+            for model in self._models:
+                self._data.append(model.createData())
+        scale = float(np.max(np.abs(y), initial=0.0))
+        if scale == 0.0:
+            return np.zeros(len(y))
+        for most in (FEW_ITERATIONS, MOST_ITERATIONS):
+            self._settings.max_iterations = most
+            result = pin.ADMMSolverResult()
+            # the operator keeps the solver's penalty on its diagonal: a new one for each call
+            operator, solver = pin.DelassusOperatorDense(G), pin.ADMMConstraintSolver()
+            met = solver.solve(operator, y, self._models, self._data, self._settings, result)
+            self.iterations += int(result.iterations)
+            worst = max(result.primal_feasibility, result.dual_feasibility, result.complementarity)
+            if met or worst <= ROUNDING * scale:
+                break
+        if not met and not worst <= ACCEPTED * scale:
+            raise ArithmeticError(f"ADMMConstraintSolver stops at a residual of {worst:.1e}, data of {scale:.1e}")
+        return np.array(result.retrieveConstraintImpulses())

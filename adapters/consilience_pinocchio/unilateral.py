@@ -1,0 +1,255 @@
+"""Contacts, stops and dry friction at a state: rows in Pinocchio's velocities, the sets of their forces, the solution.
+
+A step of the length h from v with the free velocity ``v_f = v + h a_f`` ends at ``v+ = v_f + h M^-1 J^T f``. All rows
+are over h, so that f are forces, and rows of constraints are ``J a = gamma``. Normal rows, and those of stops, hold
+
+- ``u+ >= -gap / h``, u the rate of the gap: the shapes meet at the end of the step (a contact that lasts, or e = 0);
+- ``u+ >= -e u-`` at an impact: Newton's law. A closing speed is an impact if the free acceleration of the gap does not
+  make it in `RESTING` steps. An impact is in that step whose middle is nearest to it.
+
+[Moreau, in: Nonsmooth Mechanics and Applications, CISM 302, 1988; Acary, Brogliato, Numerical Methods for Nonsmooth
+Dynamical Systems, 2008, chapter 10]
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from consilience.mechanism import Array, Mechanism, elementary_contacts
+from consilience_pinocchio.cones import ONE_SIDED, Anchor, Circle, ConeSolver, ForceSet, Interval
+from consilience_pinocchio.dynamics import all_rows
+from consilience_pinocchio.efforts import Axis, axis
+from consilience_pinocchio.elements import Elements
+from consilience_pinocchio.touching import Nearest, Side, Touch
+from consilience_pinocchio.translate import Translation
+
+RESTING = 2.0
+
+AT_REST = 1e-9
+"""Slip, or rate of a coordinate, in m/s or rad/s up to which it is at rest."""
+
+SEPARATED, SLIDING, STICKING = range(3)
+
+
+def touches(mechanism: Mechanism) -> bool:
+    """Whether a mechanism has contacts, stops or dry friction."""
+    return bool(mechanism.contacts or mechanism.stops or mechanism.dry_frictions)
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Start of a step.
+
+    Attributes
+    ----------
+    q, v : ndarray, shape (nq,) and (nv,)
+    a : ndarray, shape (nv,)
+        Accelerations without constraints, contacts, stops and dry friction.
+    t, h : float, s
+    """
+
+    q: Array
+    v: Array
+    a: Array
+    t: float
+    h: float
+
+    @property
+    def free(self) -> Array:
+        """Velocity at the end of the step without forces."""
+        return np.asarray(self.v + self.h * self.a)
+
+    def needed(self, gap: float, along: Array, restitution: float) -> float | None:
+        """Return what is added to the free rate of a gap, over h, in its condition; None if the gap stays open.
+
+        Parameters
+        ----------
+        gap : float
+        along : ndarray, shape (nv,)
+            Row of its rate.
+        restitution : float
+        """
+        u, free = float(along @ self.v), float(along @ self.free)
+        impact = restitution > 0.0 and u < -RESTING * abs(free - u)
+        if gap + self.h * (0.5 * u if impact else free) > 0.0:
+            return None
+        return (restitution * u if impact else gap / self.h) / self.h
+
+    def contact(self, number: int, touch: Touch, nearest: Nearest, needed: float) -> Array:
+        """Return the accelerations in the rows of a contact without its forces, shape (3,)."""
+        return np.asarray(nearest.J @ self.free / self.h + np.array([0.0, 0.0, needed]))
+
+    def joint(self, along: Array) -> float:
+        """Return the acceleration of a coordinate without the force of its stop or friction."""
+        return float(along @ self.free) / self.h
+
+
+@dataclass(frozen=True)
+class _Limit:
+    """One end of a stop: the gap is ``sense * (q - bound)``, q the coordinate of the mechanism."""
+
+    place: Axis
+    sense: float
+    bound: float
+    restitution: float
+
+    def gap(self, q: Array) -> float:
+        return self.sense * (self.place.sign * float(q[self.place.idx_q]) - self.bound)
+
+
+@dataclass(frozen=True, eq=False)
+class Pressed:
+    """Solution at a state.
+
+    Attributes
+    ----------
+    a : ndarray, shape (nv,)
+        Accelerations with all forces; over a step ``(v+ - v) / h``.
+    multipliers : ndarray
+        Of the welds and of the elements' rows, as `all_rows` orders them, then zeros.
+    forces, modes : ndarray, shape (n_c, 3) and (n_c,)
+        Forces on the bodies of the elementary contacts in N, world axes; 0 separated, 1 sliding, 2 sticking.
+    efforts : ndarray, shape (nv,)
+        Of stops and dry friction.
+    power : float, W
+        Of contacts, stops and dry friction, at the mean of the velocities before and after.
+    touched : dict
+        Nearest points of the contacts that touch, by number.
+    ends : ndarray, shape (n, 3)
+        Accelerations in the rows of these contacts with all forces, and with what `Start` adds.
+    dry_ends : ndarray
+        The same in the rows of dry friction.
+    """
+
+    a: Array
+    multipliers: Array
+    forces: Array
+    modes: Array
+    efforts: Array
+    power: float
+    touched: dict[int, Nearest]
+    ends: Array
+    dry_ends: Array
+
+
+class _Rows:
+    """Rows J (n, nv), accelerations in them without their forces (n,), and the sets of the forces."""
+
+    def __init__(self) -> None:
+        self.J: list[Array] = []
+        self.y: list[Array] = []
+        self.sets: list[ForceSet] = []
+
+    def add(self, J: Array, y: Array, *sets: ForceSet) -> None:
+        self.J.append(J)
+        self.y.append(y)
+        self.sets += sets
+
+
+class Unilateral:
+    """Contacts, stops and dry friction of a mechanism.
+
+    Attributes
+    ----------
+    touches : list of Touch
+        One for each of the mechanism's elementary contacts.
+    solver : ConeSolver
+    """
+
+    def __init__(self, translation: Translation, elements: Elements) -> None:
+        mechanism, contacts = translation.mechanism, elementary_contacts(translation.mechanism)
+        self._translation, self._elements = translation, elements
+        names = sorted({name for contact in contacts for name in (contact.body, contact.partner)})
+        sides = {name: Side(translation, name) for name in names}
+        self._sides = tuple(sides.values())
+        self.touches = [Touch(contact, sides[contact.body], sides[contact.partner]) for contact in contacts]
+        self._limits = [
+            _Limit(axis(translation, stop.joint, stop.coordinate), sense, bound, stop.restitution)
+            for stop in mechanism.stops
+            for sense, bound in ((1.0, stop.lower), (-1.0, stop.upper))
+            if bound is not None
+        ]
+        self._dry = [(axis(translation, d.joint, d.coordinate), float(d.bound or 0.0)) for d in mechanism.dry_frictions]
+        self.solver = ConeSolver(any(contact.associated for contact in mechanism.contacts))
+
+    def gaps(self) -> Array:
+        """Return the gaps of the elementary contacts in m at Pinocchio's current placements."""
+        for side in self._sides:
+            side.place()
+        return np.array([touch.gap() for touch in self.touches])
+
+    def dry_rates(self, v: Array) -> Array:
+        """Return the rates of the coordinates with dry friction, Pinocchio's, in rad/s or m/s."""
+        return np.array([v[place.idx_v] for place, _ in self._dry])
+
+    def press(self, start: Start) -> Pressed:
+        """Solve for the forces: of constraints, contacts, stops, dry friction.
+
+        The data keep the kinematics, with zero accelerations.
+        """
+        J, gamma = all_rows(self._translation, self._elements, start.q, start.v, start.t)
+        for side in self._sides:
+            side.update()
+        rows = _Rows()
+        empty = -len(J) % 3  # anchors have three rows
+        J, gamma = np.vstack([J, np.zeros((empty, len(start.v)))]), np.concatenate([gamma, np.zeros(empty)])
+        rows.add(J, J @ start.a - gamma, *[Anchor()] * (len(J) // 3))
+        touched = self._add_contacts(rows, start)
+        self._add_joints(rows, start)
+        return self._solved(rows, start, touched)
+
+    def _add_contacts(self, rows: _Rows, start: Start) -> dict[int, Nearest]:
+        """Add the rows of the contacts that touch; return their nearest points."""
+        touched = {}
+        for n, touch in enumerate(self.touches):
+            nearest, law = touch.nearest(), touch.law
+            needed = start.needed(nearest.gap, nearest.J[2], law.restitution)
+            if needed is None:
+                continue
+            touched[n] = nearest
+            at_rest = float(np.linalg.norm(nearest.J[:2] @ start.v)) <= AT_REST
+            sticks = at_rest and law.static_friction is not None
+            mu = law.static_friction if sticks else law.friction
+            rows.add(nearest.J, start.contact(n, touch, nearest, needed), Circle(float(mu or 0.0)))
+        return touched
+
+    def _add_joints(self, rows: _Rows, start: Start) -> None:
+        """Add the rows of stops that touch, and of dry friction."""
+        for limit in self._limits:
+            along = np.zeros(len(start.v))
+            along[limit.place.idx_v] = limit.sense * limit.place.sign
+            needed = start.needed(limit.gap(start.q), along, limit.restitution)
+            if needed is not None:
+                rows.add(along[None], np.array([along @ start.free / start.h + needed]), ONE_SIDED)
+        for place, bound in self._dry:
+            along = np.zeros(len(start.v))
+            along[place.idx_v] = 1.0
+            rows.add(along[None], np.array([start.joint(along)]), Interval(-bound, bound))
+
+    def _solved(self, rows: _Rows, start: Start, touched: dict[int, Nearest]) -> Pressed:
+        J, y, held = np.vstack(rows.J), np.concatenate(rows.y), len(rows.J[0])
+        L = np.linalg.cholesky(np.array(pin.crba(self._translation.model, self._translation.data, start.q)))
+        Y = np.linalg.solve(L, J.T)
+        G = Y.T @ Y
+        f = self.solver.forces(G, y, rows.sets)
+        a = start.a + np.linalg.solve(L.T, Y @ f)
+        end = start.v + start.h * a
+        count, joints = len(self.touches), held + 3 * len(touched)
+        forces, modes = np.zeros((count, 3)), np.zeros(count, dtype=int)
+        for (n, nearest), of in zip(touched.items(), f[held:joints].reshape(-1, 3), strict=True):
+            forces[n], modes[n] = of @ nearest.axes, _mode(of, nearest.J @ end)
+        power, ends = float(f[held:] @ J[held:] @ (0.5 * (start.v + end))), G @ f + y
+        dry = len(y) - len(self._dry)
+        return Pressed(
+            *(a, f[:held], forces, modes, f[joints:] @ J[joints:], power),
+            *(touched, ends[held:joints].reshape(-1, 3), ends[dry:]),
+        )
+
+
+def _mode(force: Array, slip: Array) -> int:
+    if force[2] <= 0.0:
+        return SEPARATED
+    return SLIDING if float(np.linalg.norm(slip[:2])) > AT_REST else STICKING

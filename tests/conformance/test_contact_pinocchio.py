@@ -1,0 +1,456 @@
+"""Contacts, stops and dry friction of the Pinocchio adapter against closed forms; each test fails for its own mistake.
+
+Numbers without a formula are high-precision quadratures of the closed equations of one mode, and steps of the harness
+have an error of the first order: bars of motions through changes of modes are for the step that the test takes.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from consilience.engine import Question, Route
+from consilience.mechanism import (
+    GROUND,
+    Body,
+    BoxPlane,
+    Cone,
+    DiscPlane,
+    Drive,
+    DryFriction,
+    Frame,
+    Initial,
+    Joint,
+    Mechanism,
+    SpherePlane,
+    SphereSphere,
+    State,
+    Stop,
+    cross,
+    initial_state,
+    joint_coordinates,
+    quaternion_from_rotation_vector,
+    relative_motion,
+    sine,
+)
+from consilience_pinocchio import PinocchioEngine
+from consilience_pinocchio.cones import Circle, ConeSolver, Interval
+from contact_problems import LEVEL, G, Lab, incline, pendulum, turned
+
+LAB = Lab()
+HERE = Frame(np.zeros(3), np.eye(3))
+BOX, MOMENTS = (0.3, 0.3, 0.1), (0.07, 0.06, 0.12)
+
+
+def move(mechanism, state, times, step, extrapolated=False):
+    engine = PinocchioEngine()
+    assert engine.unsupported(mechanism, Question.TRAJECTORY) == ()
+    method = engine.methods(mechanism, Question.TRAJECTORY)[1 if extrapolated else 0]
+    assert method.route is Route.HARNESS_STEPPING
+    return engine.trajectory(mechanism, state, np.asarray(times, dtype=float), method, step)
+
+
+def instant(mechanism, state):
+    engine = PinocchioEngine()
+    assert engine.unsupported(mechanism, Question.INSTANT) == ()
+    return engine.instant(mechanism, [state], engine.methods(mechanism, Question.INSTANT)[0])
+
+
+def box(gravity=LEVEL, half_sizes=BOX, mass=2.0, moments=MOMENTS, **law):
+    """Box on the floor, with its centre of mass at its centre."""
+    contact = BoxPlane(
+        *("box", "body", LAB.com, np.array(half_sizes), GROUND, LAB.origin, LAB.axes[:, 2]),
+        orientation=LAB.principal,
+        **law,
+    )
+    return LAB.free_body(mass, moments, gravity, [contact])
+
+
+def ball(radius=0.11, mass=2.0, gravity=LEVEL, loads=(), **law):
+    moment = 0.4 * mass * radius**2
+    return LAB.free_body(mass, (moment,) * 3, gravity, [LAB.sphere(radius, **law)], loads)
+
+
+def test_a_box_slides_straight_and_stops():
+    mu, speed, heading = 0.4, 3.0, np.radians(30.0)
+    along = np.array([np.cos(heading), np.sin(heading), 0.0])
+    mechanism, state = box(friction=mu), LAB.state((0.0, 0.0, 0.1), speed * along)
+    found = move(mechanism, state, np.linspace(0.0, 0.7, 3), 0.05, extrapolated=True)
+    p, v, w = LAB.centre(found)
+    np.testing.assert_allclose(p, (speed * 0.7 - 0.5 * mu * G * 0.49) * along + [0, 0, 0.1], atol=1e-12)
+    np.testing.assert_allclose(w, 0.0, atol=1e-12)
+    impulse = LAB.axes.T @ found.contact_impulse[-1, 0]
+    np.testing.assert_allclose(impulse, 2.0 * G * 0.35 * np.array([*-mu * along[:2], 1.0]), rtol=1e-10)
+    assert list(found.contact_mode[:, 0]) == [1, 1, 1]
+    errors = []
+    for step in (4e-3, 2e-3):
+        found = move(mechanism, state, np.linspace(0.0, 0.8, 3), step)
+        p, v, _ = LAB.centre(found)
+        errors.append(p @ along - speed**2 / (2 * mu * G))
+        assert abs(p @ [-along[1], along[0], 0.0]) < 1e-12
+        np.testing.assert_allclose(v, 0.0, atol=1e-12)
+        assert found.contact_mode[-1, 0] == 2
+        assert found.contact_loss[-1] == pytest.approx(0.5 * 2.0 * speed**2, rel=1e-9)
+    assert errors[0] / errors[1] == pytest.approx(2.0, abs=0.01)
+
+
+def test_a_block_thrown_across_an_incline_turns_to_the_slope():
+    angle = np.radians(110.0)
+    state = LAB.state((0.0, 0.0, 0.1), (2 * np.cos(angle), 2 * np.sin(angle), 0.0))
+    found = move(box(incline(20.0), friction=0.3), state, np.linspace(0.0, 1.0, 3), 1.0 / 64.0, extrapolated=True)
+    p, v, _ = LAB.centre(found)
+    np.testing.assert_allclose(p[:2], [0.547310972480047, 0.771934634191531], atol=2e-7)
+    np.testing.assert_allclose(v[:2], [1.11348200821546, 0.155833579558169], atol=2e-7)
+
+
+def test_bowling_rolls_with_what_slipping_leaves():
+    mass, r = 2.0, 0.11
+    mechanism = ball(r, mass, friction=0.2)
+    state = LAB.state((0.0, 0.0, r), (3.0, 1.0, 0.0), (25.0, 10.0, 40.0))
+    errors = []
+    for step in (4e-3, 2e-3):
+        found = move(mechanism, state, np.linspace(0.0, 2.0, 5), step)
+        p, v, w = LAB.centre(found)
+        np.testing.assert_allclose(v, [2.45714285714286, -0.0714285714285714, 0.0], atol=1e-12)
+        np.testing.assert_allclose(w, [0.649350649350649, 22.3376623376623, 40.0], atol=1e-11)
+        errors.append(np.linalg.norm(p - [5.08044993254752, 0.185098551080632, r]))
+        assert found.contact_loss[-1] == pytest.approx(2.52464285714286 * mass, rel=1e-10)
+        assert list(found.contact_mode[:, 0]) == [1, 1, 2, 2, 2]
+        np.testing.assert_allclose(found.contact_gap, 0.0, atol=1e-12)
+    assert errors[0] / errors[1] == pytest.approx(2.0, abs=0.01)
+    assert errors[1] < 2e-3
+
+
+@pytest.mark.parametrize(
+    ("mu", "x", "spin"), [(0.17, 1.75178571428571, 35.0357142857143), (0.16, 1.77284326310997, 33.9828368445014)]
+)
+def test_a_ball_on_an_incline_rolls_or_slides_by_three_per_cent_of_friction(mu, x, spin):
+    mechanism = ball(0.1, gravity=incline(30.0), friction=mu)
+    found = move(mechanism, LAB.state((0, 0, 0.1), (0, 0, 0)), [0.0, 1.0], 0.02, extrapolated=True)
+    p, _, w = LAB.centre(found)
+    np.testing.assert_allclose(p, [x, 0.0, 0.1], atol=1e-5)
+    np.testing.assert_allclose(w, [0.0, spin, 0.0], atol=1e-10)
+
+
+def test_a_ball_bounces_by_newton_s_law_and_comes_to_rest():
+    r = 0.1
+    found = move(ball(r, restitution=0.5), LAB.state((0, 0, 1 + r), (0, 0, 0)), np.linspace(0, 1.5, 151), 1e-3)
+    heights, speeds = zip(*((p[2], v[2]) for p, v, _ in (LAB.centre(found, n) for n in range(151))), strict=True)
+    assert heights[100] - r == pytest.approx(0.0612555656575454, abs=2e-3)
+    free = np.array(speeds) + G * found.time  # constant between impacts
+    kinds = np.unique(np.round(free[:88], 3))
+    first = -G * 0.451523640985731
+    assert len(kinds) == 2  # one impact until 0.9 s
+    assert free[60] - free[0] == pytest.approx(-1.5 * first, rel=2e-3)
+    assert heights[-1] == pytest.approx(r, abs=1e-6)
+    assert found.contact_mode[-1, 0] == 2
+    assert np.sum(found.contact_impulse[:, 0] @ LAB.axes[:, 2]) == pytest.approx(2.0 * G * 1.5, rel=1e-3)
+
+
+def spheres(mu):
+    """Two spheres that meet obliquely in free space, in a turned world, with frames off their centres."""
+    offsets = np.array([[0.03, -0.02, 0.05], [-0.04, 0.06, 0.01]])
+    centres = np.array([[0.0, 0.0, 0.0], [1.5, 0.4, 0.1]])
+    v, w = np.array([[2, 0.5, -0.3], [-0.5, 0.1, 0.2]]), np.array([[1, 0.5, -2], [0, -1, 0.4]])
+    bodies = tuple(
+        Body(name, mass, offset, moment * np.eye(3), HERE)
+        for name, mass, moment, offset in zip("ab", (1.2, 2.5), (0.0192, 0.09), offsets, strict=True)
+    )
+    joints = tuple(Joint(f"free {b.name}", "free", GROUND, b.name, HERE, HERE) for b in bodies)
+    contact = SphereSphere("hit", "a", offsets[0], 0.2, "b", offsets[1], 0.3, restitution=0.7, friction=mu)
+    Q, quat = LAB.axes, quaternion_from_rotation_vector([0.4, -0.3, 0.8])
+    arms = offsets @ Q.T
+    state = State(centres @ Q.T - arms, np.array([quat] * 2), v @ Q.T - np.cross(w @ Q.T, arms), w @ Q.T)
+    return Mechanism("spheres", np.zeros(3), bodies, joints, contacts=(contact,)), state
+
+
+@pytest.mark.parametrize(
+    ("mu", "v", "w"),
+    [
+        (0.1, (0.949807853, -0.106638207, -1.255973540), (1.170743017, -1.194683129, -1.112165218)),
+        (0.8, (0.748605666, -0.051005477, -1.111088793), (1.453094121, -3.997114873, 0.356012716)),
+    ],
+)
+def test_rough_spheres_slip_or_grip_in_an_impact(mu, v, w):
+    mechanism, state = spheres(mu)
+    found = move(mechanism, state, [0.0, 0.55], 0.55 / 1100)
+    Q = LAB.axes
+    spins = found.w_WB_W[-1] @ Q
+    arm = found.state(1).R_WB[0] @ mechanism.bodies[0].com
+    np.testing.assert_allclose((found.v_WB_W[-1, 0] + cross(found.w_WB_W[-1, 0], arm)) @ Q, v, atol=3e-3)
+    np.testing.assert_allclose(spins[0], w, atol=1e-2)
+    impulse = found.contact_impulse[1, 0] @ Q
+    assert np.linalg.norm(impulse) == pytest.approx(
+        1.84393852306535 * np.hypot(1, min(mu, 0.265366120466955)), rel=2e-3
+    )
+    np.testing.assert_allclose(impulse, 1.2 * (np.array(v) - [2, 0.5, -0.3]), atol=5e-3)
+
+
+def test_a_rocking_block_loses_what_housner_says():
+    half, high = 0.1, 0.3
+    tilt = 0.6 * np.arctan2(half, high)
+    mechanism = box(
+        half_sizes=(half, 0.05, high), moments=(2 / 3 * (0.0025 + 0.09), 2 / 3 * 0.1, 2 / 3 * 0.0125), friction=1.0
+    )
+    R = turned(0.0, tilt, 0.0)
+    state = LAB.state(-R @ [half, 0.0, -high], (0, 0, 0), turn=R)
+    found = move(mechanism, state, np.linspace(0.0, 0.34, 171), 1e-3)
+    rates = np.array([LAB.centre(found, n)[2][1] for n in range(171)])
+    hit = int(np.argmin(rates))
+    assert found.time[hit] == pytest.approx(0.325571861264741, abs=2.5e-3)
+    assert rates[hit] == pytest.approx(-1.41529774120317, abs=0.015)
+    # the impulse of e = 0 is complete two steps later; between impacts the block turns about its other edge
+    assert rates[hit + 2] / rates[hit] == pytest.approx(1 - 1.5 * np.sin(np.arctan2(half, high)) ** 2, abs=0.02)
+
+
+def test_a_falling_rod_keeps_its_tip_on_the_floor_to_the_second_order():
+    R = turned(0.0, 0.2, 0.0)
+    mechanism = LAB.free_body(1.0, (1 / 12, 1 / 12, 1e-4), LEVEL, LAB.points([[0.0, 0.0, -0.5]], friction=0.3))
+    state = LAB.state(R @ [0.0, 0.0, 0.5], (0, 0, 0), turn=R)
+    slips = 0.354921133381657
+    found = move(mechanism, state, np.linspace(0.0, slips, 2), slips / 200)
+    p, _, _ = LAB.centre(found)
+    assert np.arccos(p[2] / 0.5) == pytest.approx(0.413452062926488, abs=2e-3)
+    assert abs(found.contact_gap[-1, 0]) < 3e-6
+    assert list(found.contact_mode[:, 0]) == [2, 2]
+    fine = move(mechanism, state, np.linspace(0.0, slips, 2), slips / 20, extrapolated=True)
+    p = LAB.centre(fine)[0]
+    assert np.arccos(p[2] / 0.5) == pytest.approx(0.413452062926488, abs=1e-6)
+
+
+def test_euler_s_disc_rolls_about_its_resting_centre():
+    a, tilt, mass = 0.1, np.radians(30.0), 1.5
+    rate = np.sqrt(4 * G / (a * np.sin(tilt)))
+    moments = mass * a**2 * np.array([0.25, 0.25, 0.5])
+    free = LAB.free_body(mass, moments, LEVEL, [])
+    disc = DiscPlane("rim", "body", LAB.com, LAB.principal[:, 2], a, GROUND, LAB.origin, LAB.axes[:, 2], friction=0.3)
+    R = turned(0.0, tilt, 0.0)
+    state = LAB.state((0, 0, a * np.sin(tilt)), (0, 0, 0), rate * (np.array([0, 0, 1.0]) - np.cos(tilt) * R[:, 2]), R)
+    mechanism = replace(free, contacts=(disc,))
+    at = instant(mechanism, state)
+    acceleration, alpha = LAB.acceleration(at, state)
+    np.testing.assert_allclose(acceleration, 0.0, atol=1e-11)
+    np.testing.assert_allclose(alpha, cross(np.array([0, 0, rate]), LAB.axes.T @ state.w_WB_W[0]), atol=1e-10)
+    np.testing.assert_allclose(LAB.axes.T @ at.contact_force[0, 0], [0, 0, mass * G], atol=1e-11)
+    found = move(mechanism, state, [0.0, 0.05, 0.1], 1e-3, extrapolated=True)
+    np.testing.assert_allclose(LAB.centre(found)[0], [0, 0, a * np.sin(tilt)], atol=1e-6)
+
+
+def released(mechanism, angle):
+    return initial_state(mechanism, Initial(coordinates={"hinge": {"angle": angle}}))
+
+
+def angles(mechanism, answer):
+    states = (answer.state(n) for n in range(len(answer.time)))
+    hinge = mechanism.joints[0]
+    return np.array([joint_coordinates(hinge, relative_motion(mechanism, s, hinge))["angle"] for s in states])
+
+
+def rates(mechanism, answer):
+    return answer.w_WB_W[:, 0] @ (mechanism.joints[0].F.R[:, 2])
+
+
+@pytest.mark.parametrize("end", ["lower", "upper"])
+def test_a_pendulum_bounces_on_a_stop(end):
+    sense = 1.0 if end == "lower" else -1.0
+    mechanism = pendulum(LAB, stop={end: -0.1 * sense, "restitution": 0.7})
+    found = move(mechanism, released(mechanism, sense), np.linspace(0.0, 0.94, 471), 1e-3)
+    q, rate = sense * angles(mechanism, found), sense * rates(mechanism, found)
+    hit = int(np.argmax(np.diff(rate)))
+    assert found.time[hit] == pytest.approx(0.463886601605418, abs=3e-3)
+    assert rate[hit + 1] / rate[hit] == pytest.approx(-0.7, abs=5e-3)
+    assert np.max(q[hit:]) == pytest.approx(0.688499525627693, abs=1e-3)
+    assert found.contact_loss[-1] == pytest.approx(0.51 * 3.65812462821078**2 / 6, rel=2e-3)
+
+
+def test_a_stop_carries_what_the_joint_does_not():
+    mechanism = pendulum(LAB, stop={"lower": 0.3, "restitution": 0.5})
+    found = move(mechanism, released(mechanism, 0.5), [0.0, 2.5], 2e-3)
+    assert angles(mechanism, found)[-1] == pytest.approx(0.3, abs=1e-9)
+    state = released(mechanism, 0.3)
+    at = instant(mechanism, state)
+    np.testing.assert_allclose(at.alpha_WB_W, 0.0, atol=1e-13)
+    np.testing.assert_allclose(at.torque_F, 0.0, atol=1e-12)  # the effort of 1.45 N m is the stop's
+    weight = mechanism.joints[0].F.R.T @ mechanism.gravity
+    np.testing.assert_allclose(at.force_F[0, 0], -weight, atol=1e-12)
+
+
+def test_dry_friction_stops_a_pendulum_in_its_dead_band():
+    mechanism = pendulum(LAB, bound=0.5)
+    found = move(mechanism, released(mechanism, 1.5), np.linspace(0.0, 6.0, 13), 4e-3)
+    assert angles(mechanism, found)[-1] == pytest.approx(0.0994902036052787, abs=1e-4)
+    assert found.contact_loss[-1] == pytest.approx(4.905 * (np.cos(0.09949020360) - np.cos(1.5)), rel=1e-4)
+    at = instant(mechanism, released(mechanism, 1.5))
+    assert np.linalg.norm(at.alpha_WB_W[0, 0]) == pytest.approx(3 * (4.905 * np.sin(1.5) - 0.5), rel=1e-12)
+    still = instant(mechanism, released(mechanism, 0.1))
+    np.testing.assert_allclose(still.alpha_WB_W, 0.0, atol=1e-13)
+    moving = initial_state(mechanism, Initial({"hinge": {"angle": 0.1}}, {"hinge": {"angle": 0.01}}))
+    slows = instant(mechanism, moving).alpha_WB_W[0, 0] @ mechanism.joints[0].F.R[:, 2]
+    assert slows == pytest.approx(-3 * (4.905 * np.sin(0.1) + 0.5), rel=1e-12)
+    whole = move(mechanism, released(mechanism, 1.5), [0.0, 0.9], 4e-3, extrapolated=True)
+    # energy over the angle swung: the friction torque does not depend on the speed
+    q, rate = angles(mechanism, whole)[-1], rates(mechanism, whole)[-1]
+    assert rate**2 / 6 == pytest.approx(4.905 * (np.cos(q) - np.cos(1.5)) - 0.5 * (1.5 - q), abs=1e-7)
+
+
+def test_a_wheel_between_two_stops_is_braked():
+    body = Body("wheel", 1.0, np.zeros(3), 0.5 * np.eye(3), HERE)
+    hinge = Joint("hinge", "revolute", "wheel", GROUND, HERE, HERE)
+    stop, brake = Stop("stop", "hinge", "angle", -1.0, 0.0, 0.8), DryFriction("brake", "hinge", "angle", 0.2)
+    mechanism = Mechanism("braked", np.zeros(3), (body,), (hinge,), stops=(stop,), dry_frictions=(brake,))
+    state = initial_state(mechanism, Initial({"hinge": {"angle": -0.5}}, {"hinge": {"angle": -3.0}}))
+    found = move(mechanism, state, [0.0, 4.0], 1e-3)
+    assert angles(mechanism, found)[-1] == pytest.approx(-0.49180672, abs=5e-3)
+    np.testing.assert_allclose(found.w_WB_W[-1], 0.0, atol=1e-12)
+    assert found.contact_loss[-1] == pytest.approx(0.5 * 0.5 * 9.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("speed", [3.0, 1e-4])
+def test_an_instant_slides_along_its_velocity(speed):
+    mass, push = 2.0, (3.0, 1.0, 0.0)
+    mechanism = ball(0.11, mass, loads=[push], friction=0.5)
+    state = LAB.state((0, 0, 0.11), (speed, 0, 0), (0, 0, 4.0))
+    at = instant(mechanism, state)
+    acceleration, alpha = LAB.acceleration(at, state)
+    np.testing.assert_allclose(acceleration, [1.5 - 0.5 * G, 0.5, 0.0], atol=1e-10)
+    np.testing.assert_allclose(alpha, [0.0, 0.5 * mass * G * 0.11 / (0.4 * mass * 0.11**2), 0.0], atol=1e-8)
+    np.testing.assert_allclose(LAB.axes.T @ at.contact_force[0, 0], mass * G * np.array([-0.5, 0, 1]), atol=1e-10)
+    np.testing.assert_allclose([at.force_F, at.torque_F], 0.0, atol=1e-9)
+
+
+def test_an_instant_rolls():
+    mass, r = 2.0, 0.11
+    mechanism = ball(r, mass, loads=[(3.0, 1.0, 0.0)], friction=0.5)
+    state = LAB.state((0, 0, r), (1.0, 0.5, 0.0), (-0.5 / r, 1.0 / r, 4.0))
+    at = instant(mechanism, state)
+    acceleration, _ = LAB.acceleration(at, state)
+    np.testing.assert_allclose(acceleration, 5 / 7 * np.array([1.5, 0.5, 0.0]), atol=1e-12)
+    np.testing.assert_allclose(LAB.axes.T @ at.contact_force[0, 0], [-6 / 7, -2 / 7, mass * G], atol=1e-11)
+
+
+def test_an_instant_of_a_turning_tip_has_the_acceleration_of_its_turning():
+    tilt, w = 0.8, 2.0
+    R = turned(0.0, tilt, 0.0)
+    mechanism = LAB.free_body(1.0, (1 / 12, 1 / 12, 1e-4), LEVEL, LAB.points([[0.0, 0.0, -0.5]]))
+    state = LAB.state(R @ [0, 0, 0.5], (0, 0, -0.5 * w * np.sin(tilt)), (0, w, 0), R)
+    at = instant(mechanism, state)
+    normal = (G - 0.5 * np.cos(tilt) * w * w) / (1 + 3 * np.sin(tilt) ** 2)
+    np.testing.assert_allclose(LAB.axes.T @ at.contact_force[0, 0], [0, 0, normal], atol=1e-11)
+    assert LAB.acceleration(at, state)[1][1] == pytest.approx(6 * normal * np.sin(tilt), rel=1e-11)
+
+
+def test_a_box_at_rest_on_a_steep_slope_tips_about_its_edge():
+    mechanism = box(incline(25.0), (0.1, 0.1, 0.3), moments=(0.4 / 6, 0.4 / 6, 0.08 / 6), friction=0.6)
+    state = LAB.state((0, 0, 0.3), (0, 0, 0))
+    at = instant(mechanism, state)
+    np.testing.assert_allclose(LAB.acceleration(at, state)[1], [0, 2.66008203914944, 0], atol=1e-10)
+    np.testing.assert_allclose(
+        LAB.axes.T @ at.contact_force[0, 0], [-6.69572107186286, 0.0, 18.313775189489], atol=1e-10
+    )
+
+
+def test_the_force_is_on_the_body_also_where_the_body_is_the_ground():
+    """The same ball on the same floor, as a floor of the ball's body on a sphere of the ground."""
+    mass, r = 2.0, 0.2
+    plane = SpherePlane(
+        "pad", GROUND, LAB.origin, r, "body", LAB.in_body([0, 0, -0.3]), -LAB.principal[:, 2], friction=0.4
+    )
+    mechanism = LAB.free_body(mass, (0.1, 0.2, 0.15), LEVEL, [plane])
+    state = LAB.state((0, 0, r + 0.3), (0, 0, 0))
+    at = instant(mechanism, state)
+    np.testing.assert_allclose(LAB.axes.T @ at.contact_force[0, 0], [0, 0, -mass * G], atol=1e-11)
+    np.testing.assert_allclose(at.a_WB_W, 0.0, atol=1e-11)
+
+
+def test_a_shaken_table_throws_the_ball():
+    table = Body("table", 5.0, np.array([0.02, 0.03, -0.01]), 0.3 * np.eye(3), HERE)
+    ball_body = Body("ball", 2.0, np.zeros(3), 8e-3 * np.eye(3), Frame(np.array([0, 0, 0.1]), np.eye(3)))
+    joints = (
+        Joint("lift", "prismatic", GROUND, "table", HERE, HERE),
+        Joint("free", "free", GROUND, "ball", HERE, HERE),
+    )
+    contact = SpherePlane("rest", "ball", np.zeros(3), 0.1, "table", np.zeros(3), np.array([0, 0, 1.0]))
+    mechanism = Mechanism(
+        "shaken", LEVEL, (table, ball_body), joints,
+        drives=(Drive("shake", "lift", "distance", sine(0.02, 30.0)),), contacts=(contact,),
+    )  # fmt: skip
+    state = initial_state(mechanism, Initial(velocities={"ball": ((0, 0, 0.6), (0, 0, 0))}))
+    found = move(mechanism, state, np.linspace(0, 0.2, 101), 5e-4)
+    leaves = found.time[np.argmax(found.contact_gap[:, 0] > 1e-8)]
+    assert leaves == pytest.approx(0.0192129704912066, abs=5e-3)
+    lands = found.time[50 + np.argmax(found.contact_mode[50:, 0] > 0)]
+    assert lands == pytest.approx(0.164460632591604, abs=5e-3)
+    np.testing.assert_allclose(found.p_WB[-1, :, 2] - [0.02 * np.sin(6.0)], [0, 0.1], atol=1e-4)
+    # momentum: impulses of the table less the weight
+    total = np.sum(found.contact_impulse[:, 0, 2])
+    assert total == pytest.approx(2.0 * (found.v_WB_W[-1, 1, 2] - 0.6 + G * 0.2), rel=1e-10)
+
+
+def slider_crank():
+    """Crank 0.1 m, rod 0.3 m and slider in line on x, with a stop of the slider (numbers in the test)."""
+
+    def bar(name, mass, length, inertia, at, turn):
+        R = turned(0, 0, turn)
+        return Body(name, mass, np.array([length / 2, 0, 0]), np.diag([1e-4, inertia, inertia]), Frame(at, R))
+
+    elbow, pin = np.array([0, 0.1, 0]), np.array([np.sqrt(0.08), 0, 0])
+    lean = -np.arcsin(1 / 3)
+    bodies = (
+        bar("crank", 1.0, 0.1, 0.001, np.zeros(3), np.pi / 2),
+        bar("rod", 0.6, 0.3, 0.0045, elbow, lean),
+        Body("slider", 0.5, np.zeros(3), 1e-3 * np.eye(3), Frame(pin, np.eye(3))),
+    )
+    ahead = turned(0, np.pi / 2, 0)  # z along x
+    joints = (
+        Joint("motor", "revolute", GROUND, "crank", HERE, HERE),
+        Joint("elbow", "revolute", "crank", "rod", Frame(np.array([0.1, 0, 0]), np.eye(3)), HERE),
+        Joint("pin", "revolute", "rod", "slider", Frame(np.array([0.3, 0, 0]), np.eye(3)), HERE),
+        Joint("guide", "prismatic", GROUND, "slider", Frame(np.zeros(3), ahead), Frame(np.zeros(3), ahead)),
+    )
+    stops = (Stop("buffer", "guide", "distance", upper=0.39, restitution=0.6),)
+    mechanism = Mechanism("slider-crank", np.zeros(3), bodies, joints, stops=stops)
+    return mechanism, initial_state(mechanism, Initial({}, {"motor": {"angle": -10.0}}))
+
+
+def test_a_slider_crank_hits_a_stop_within_its_loop():
+    mechanism, state = slider_crank()
+    found = move(mechanism, state, np.linspace(0, 0.12, 61), 2e-4)
+    rate = found.w_WB_W[:, 0, 2]
+    hit = int(np.argmin(rate))
+    assert found.time[hit] == pytest.approx(0.110903845715477, abs=2.5e-3)
+    assert rate[hit] == pytest.approx(-13.7838093767061, rel=1e-2)
+    assert found.v_WB_W[hit + 1, 2, 0] / found.v_WB_W[hit, 2, 0] == pytest.approx(-0.6, abs=0.03)
+    # the impulse at the buffer turns the slider: 3.366 N s over the change of its speed, taken by the loss
+    assert found.contact_loss[-1] == pytest.approx(0.5 * 3.3659906710061 * 0.4 * 0.689247305402231, rel=0.03)
+
+
+def test_what_the_solver_cannot_state_is_named():
+    engine = PinocchioEngine()
+
+    def refused(mechanism, question=Question.TRAJECTORY):
+        return " ".join(f"{u.feature} {u.reason}" for u in engine.unsupported(mechanism, question))
+
+    assert "pyramid cone" in refused(ball(friction=0.2, cone=Cone("pyramid")))
+    assert "Poisson impact" in refused(ball(restitution=0.2, impact_law="poisson"))
+    assert "torsional friction" in refused(ball(friction=0.2, torsional=0.01))
+    two = [LAB.sphere(0.1, "a", friction=0.2), LAB.sphere(0.1, "b", friction=0.2, associated=True)]
+    assert "one setting for all" in refused(LAB.free_body(1.0, (1.0,) * 3, LEVEL, two))
+
+
+def test_associated_cones_lift_a_sliding_box():
+    """On the convex cone of one point the relative velocity is normal to the cone: it lifts at mu times the slip."""
+    mechanism = ball(0.11, 2.0, friction=0.5, associated=True)
+    found = move(mechanism, LAB.state((0, 0, 0.11), (3.0, 0, 0)), [0.0, 1e-3], 1e-3)
+    _, v, w = LAB.centre(found)
+    slip = v[0] - 0.11 * w[1]
+    assert v[2] == pytest.approx(0.5 * slip, rel=1e-9)
+
+
+def test_the_solver_s_traps():
+    """Infinite bounds give no force to a negative acceleration; anchors hold it."""
+    assert ConeSolver().forces(np.eye(1), np.array([-1.0]), [Interval(-np.inf, np.inf)])[0] == 0.0
+    np.testing.assert_allclose(ConeSolver().forces(np.eye(1), np.array([-1.0]), [Interval(-5.0, 5.0)]), 1.0)
+    solver, G2 = ConeSolver(), np.diag([1.0, 1.0, 2.0])
+    first = solver.forces(G2, np.array([1.0, 0.0, -4.0]), [Circle(0.2)])
+    np.testing.assert_allclose(first, [-0.4, 0.0, 2.0], atol=1e-12)
+    np.testing.assert_allclose(solver.forces(G2, np.array([1.0, 0.0, -4.0]), [Circle(0.2)]), first, atol=1e-12)
