@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from consilience.engine import Question, Route
+from consilience.errors import InvalidInput
 from consilience.mechanism import (
     GROUND,
     Body,
@@ -35,6 +36,7 @@ from consilience.mechanism import (
 )
 from consilience_pinocchio import PinocchioEngine
 from consilience_pinocchio.cones import Circle, ConeSolver, Interval
+from consilience_pinocchio.export import export_model
 from contact_problems import LEVEL, G, Lab, incline, pendulum, turned
 
 LAB = Lab()
@@ -435,6 +437,12 @@ def test_what_the_solver_cannot_state_is_named():
     assert "torsional friction" in refused(ball(friction=0.2, torsional=0.01))
     two = [LAB.sphere(0.1, "a", friction=0.2), LAB.sphere(0.1, "b", friction=0.2, associated=True)]
     assert "one setting for all" in refused(LAB.free_body(1.0, (1.0,) * 3, LEVEL, two))
+
+
+def test_a_script_has_no_contacts():
+    mechanism = pendulum(LAB, stop={"lower": 0.1})
+    with pytest.raises(InvalidInput, match="stop 'stop'"):
+        export_model("stopped", mechanism, released(mechanism, 0.5))
 
 
 def test_associated_cones_lift_a_sliding_box():

@@ -21,6 +21,7 @@ from typing import Any
 
 from consilience.engine.harness_solvers import solve_constrained
 from consilience.engine.native.script import function_data
+from consilience.errors import InvalidInput
 from consilience.mechanism import Array, Function, Mechanism, friction_law, rolling_contact
 
 
@@ -114,7 +115,17 @@ def row_data(m: Mechanism, axis: Callable[[str, str], list[Any]]) -> dict[str, A
 
 
 def element_data(mechanism: Mechanism, at: Places) -> dict[str, Any]:
-    """Return the constants of a script with `ELEMENTS`, without the closed loops ``WELDS``, pairs of (owner, p, R)."""
+    """Return the constants of a script with `ELEMENTS`, without the closed loops ``WELDS``, pairs of (owner, p, R).
+
+    Raises
+    ------
+    InvalidInput
+        If the mechanism has contacts, stops or dry friction, which scripts have not.
+    """
+    groups = {"contact": mechanism.contacts, "stop": mechanism.stops, "dry friction": mechanism.dry_frictions}
+    for what, elements in groups.items():
+        for element in elements:
+            raise InvalidInput(f"{what} '{element.name}'", "scripts have no contacts", "Export without it.")
     bodies = {"BODIES": {body.name: at.frame(body.name) for body in mechanism.bodies}}
     return bodies | _forces(mechanism, at) | _efforts(mechanism, at) | row_data(mechanism, at.axis)
 
