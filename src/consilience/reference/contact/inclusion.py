@@ -17,7 +17,8 @@ from consilience.reference.contact.problem import ContactProblem, FrictionSet
 
 def project(one: FrictionSet, radius: float, point: Array) -> Array:
     """Return the point of ``radius D`` nearest to a point, shape (d,)."""
-    radius = max(radius, 0.0)
+    if radius <= 0.0:
+        return np.zeros(len(point))
     vertices = one.vertices
     if vertices is None:
         length = float(np.linalg.norm(point))

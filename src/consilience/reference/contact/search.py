@@ -1,0 +1,241 @@
+"""Search for admissible modes of contacts that act on one another, and the error where there are none."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from consilience.errors import NumericalFailure
+from consilience.mechanism import Array
+from consilience.reference.contact import candidates
+from consilience.reference.contact.cones import admissible_force, sticking_margin
+from consilience.reference.contact.headings import Headings
+from consilience.reference.contact.inclusion import residual
+from consilience.reference.contact.mode_system import ModeSolution, active, columns_and_rows
+from consilience.reference.contact.problem import ContactProblem, Modes
+from consilience.reference.contact.uniqueness import proven_unique
+
+VERIFIED = 1e-11
+"""Largest residual of the contact laws, relative to the forces."""
+
+_MOST = 100
+"""Largest number of combinations of modes that are all tried."""
+
+_SAME = 1e-8
+"""Accelerations that differ by less, relative to the largest, are the same solution."""
+
+_EXCHANGES = 40
+
+_SIDES = 6
+"""Covering vectors tried where combinations are too many."""
+
+
+class PainleveParadox(NumericalFailure):
+    """No forces satisfy the laws of sliding contacts.
+
+    Attributes
+    ----------
+    contact : str
+    slope, constant : float
+        A and B of ``g'' = A N + B`` of the contact, the others as they are in the last candidate.
+    """
+
+    def __init__(self, contact: str, slope: float, constant: float) -> None:
+        self.contact, self.slope, self.constant = contact, slope, constant
+        super().__init__(
+            f"contact {contact}: sliding friction jams (Painleve): g'' = A N + B with A = {slope:.12g} 1/kg and "
+            f"B = {constant:.12g} m/s^2 has no solution; an impact without collision would have to follow"
+        )
+
+    def __reduce__(self) -> tuple[type[PainleveParadox], tuple[str, float, float]]:
+        """Pickle the three parts."""
+        return type(self), (self.contact, self.slope, self.constant)
+
+
+class ModeSearch:
+    """Candidates of one problem, and what is wrong with them."""
+
+    def __init__(self, problem: ContactProblem) -> None:
+        self.problem = problem
+        self.natural = problem.natural_modes()
+        self.undecided = candidates.undecided(problem)
+        self.acceleration_unit = float(np.max(np.abs(problem.free) / problem.row_scale(), initial=0.0)) or 1.0
+        self.best: tuple[float, str] = (np.inf, "no candidate")
+
+    def prefer(self, previous: Modes | None, opened: list[int], started: Mapping[int, Array]) -> Modes | None:
+        """Return the modes to try first."""
+        if previous is None and not opened and not started:
+            return None
+        modes = previous or self.natural
+        for i in opened:
+            modes = modes.opened(i)
+        for j, heading in started.items():
+            modes = modes.with_friction(
+                j, candidates.slips(self.problem.friction[j], self.natural.friction[j], heading)
+            )
+        return modes
+
+    def decide(self, preferred: Modes | None) -> tuple[ModeSolution, tuple[ModeSolution, ...], bool | None]:
+        """Return the first admissible solution, the others, and whether there are none."""
+        found = self.first(preferred)
+        if found is None:
+            raise self.failure()
+        if proven_unique(self.problem):
+            return found, (), True
+        others: list[ModeSolution] = []
+        all_tried = candidates.count(self.problem) <= _MOST
+        for one in self.all(found) if all_tried else self._elsewhere():
+            if all(self.differs(one, other) for other in (found, *others)):
+                others.append(one)
+        return found, tuple(others), False if others else True if all_tried else None
+
+    def _elsewhere(self) -> Iterator[ModeSolution]:
+        """Yield the solutions that Lemke's method reaches from other sides."""
+        count = len(self.problem.normals) + len(self.undecided)
+        for covering in np.random.default_rng(0).uniform(0.05, 1.0, size=(_SIDES, count)):
+            modes = candidates.guess(self.problem, covering=covering)
+            solved = None if modes is None else self.exchanged(modes)
+            if solved is not None:
+                yield solved
+
+    def first(self, preferred: Modes | None) -> ModeSolution | None:
+        """Return the first admissible candidate."""
+        for modes in self._candidates(preferred):
+            found = self.exchanged(modes)
+            if found is not None:
+                return found
+        if candidates.count(self.problem) > _MOST:
+            return None
+        return next(self.all(), None)
+
+    def _candidates(self, preferred: Modes | None) -> Iterator[Modes]:
+        if preferred is not None:
+            yield preferred
+        for outer in (False, True):
+            modes = candidates.guess(self.problem, outer)
+            if modes is not None:
+                yield modes
+        yield self.natural
+
+    def all(self, known: ModeSolution | None = None) -> Iterator[ModeSolution]:
+        """Yield every admissible combination but those of the accelerations of a known one."""
+        free = self.problem.free
+        headings = {j: free[list(self.problem.friction[j].rows)] for j in self.undecided}
+        headings = {j: u if np.any(u) else np.eye(len(u))[0] for j, u in headings.items()}
+        for modes in candidates.all_modes(self.problem, headings):
+            for solved in Headings(self.problem, modes).all():
+                if known is None or self.differs(solved, known):
+                    checked = self._checked(solved)
+                    if checked is not None:
+                        yield checked
+
+    def _checked(self, solved: ModeSolution) -> ModeSolution | None:
+        """Return the solution if it satisfies all laws, with undetermined forces within their cones."""
+        if not solved.consistent or solved.singular or not self._moves_right(solved):
+            return None
+        if solved.undetermined.shape[1]:
+            margin = sticking_margin(self.problem, solved.modes, solved)
+            solved = replace(solved, force=admissible_force(self.problem, solved, margin))
+        missed = np.abs(residual(self.problem, solved.force, solved.acceleration))
+        worst = int(np.argmax(missed)) if len(missed) else 0
+        if len(missed) and missed[worst] < self.best[0]:
+            self.best = (float(missed[worst]), self.problem.names[worst])
+        return solved if np.max(missed, initial=0.0) <= VERIFIED else None
+
+    def _moves_right(self, solved: ModeSolution) -> bool:
+        """Return whether no open normal closes and no friction drives its own sliding: forces do not matter here."""
+        weight, unit = self.problem.row_scale(), self.acceleration_unit
+        normals = np.array(self.problem.normals, dtype=int)[~solved.modes.closed]
+        if np.min(solved.acceleration[normals] / weight[normals], initial=0.0) < -_SAME * unit:
+            return False
+        return all(power <= _SAME * unit for power, _ in self._powers(solved))
+
+    def _powers(self, solved: ModeSolution) -> Iterator[tuple[float, int]]:
+        """Yield the power of the friction of each set that starts to slide, per load and rate of its rows."""
+        for j in self.undecided:
+            rows, mode = list(self.problem.friction[j].rows), solved.modes.friction[j]
+            if len(mode.held) < len(self.natural.friction[j].held) and active(self.problem, solved.modes, j):
+                fixed = mode.drag - self.natural.friction[j].drag
+                weight = float(np.mean(self.problem.row_scale()[rows]))
+                yield float(fixed @ solved.acceleration[rows]) / weight, j
+
+    def exchanged(self, modes: Modes) -> ModeSolution | None:
+        """Exchange violated modes until none is left; None if a combination recurs."""
+        seen: set[tuple[object, ...]] = set()
+        for _ in range(_EXCHANGES):
+            solved = Headings(self.problem, modes).solved()
+            checked = self._checked(solved)
+            if checked is not None:
+                return checked
+            key = (*modes.closed, *(f.name for f in modes.friction))
+            changed = self._exchange(solved)
+            if changed is None or key in seen:
+                return None
+            seen.add(key)
+            modes = changed
+        return None
+
+    def _exchange(self, solved: ModeSolution) -> Modes | None:
+        """Return the modes with the worst violation mended; normal rows before friction."""
+        problem, modes, weight = self.problem, solved.modes, self.problem.row_scale()
+        margin = sticking_margin(problem, modes, solved)
+        unit = float(np.max(np.abs(problem.free) / weight**2)) or 1.0
+        pulls = np.where(modes.closed, margin.of_normal, np.inf) / unit
+        normals = list(problem.normals)
+        sinks = np.where(modes.closed, np.inf, solved.acceleration[normals] / weight[normals] ** 2 / unit)
+        worst = np.minimum(pulls, sinks)
+        if len(worst) and np.min(worst) < -VERIFIED:
+            i = int(np.argmin(worst))
+            closed = modes.closed.copy()
+            closed[i] = not closed[i]
+            return replace(modes, closed=closed)
+        j = int(np.argmin(margin.of_friction)) if len(margin.of_friction) else 0
+        if len(margin.of_friction) and margin.of_friction[j] < -VERIFIED * unit:
+            one, base = problem.friction[j], self.natural.friction[j]
+            heading = -(base.held.T @ base.held @ margin.force[list(one.rows)])
+            return modes.with_friction(j, candidates.slips(one, base, heading))
+        return self._turned(solved)
+
+    def _turned(self, solved: ModeSolution) -> Modes | None:
+        """Return the modes with the friction set held that is driven most by its own force, or a pyramid turned."""
+        power = max(self._powers(solved), default=(0.0, -1))
+        if power[0] > VERIFIED * self.acceleration_unit:
+            return solved.modes.with_friction(power[1], self.natural.friction[power[1]])
+        for _, j in self._powers(solved):
+            one, mode = self.problem.friction[j], solved.modes.friction[j]
+            w = solved.acceleration[list(one.rows)]
+            if one.vertices is None or len(one.rows) == 1 or self.natural.friction[j].reach or len(mode.held):
+                continue
+            best = one.kinetic * one.vertices[np.argmin(one.vertices @ w)]
+            if not np.allclose(best, mode.drag, atol=1e-12):
+                return solved.modes.with_friction(j, one.sliding(-(best + mode.drag)))
+        return None
+
+    def differs(self, one: ModeSolution, other: ModeSolution) -> bool:
+        """Return whether two solutions differ, but by a choice that the laws make.
+
+        What can stick sticks, where the static coefficient is the larger one.
+        """
+        for j in self.undecided:
+            law = self.problem.friction[j]
+            if law.static > law.kinetic and len(one.modes.friction[j].held) != len(other.modes.friction[j].held):
+                return False
+        weight = self.problem.row_scale()
+        unit = max(float(np.max(np.abs(s.acceleration) / weight)) for s in (one, other)) or 1.0
+        unit = max(unit, float(np.max(np.abs(self.problem.free) / weight)))
+        return bool(np.max(np.abs(one.acceleration - other.acceleration) / weight) > _SAME * unit)
+
+    def failure(self) -> NumericalFailure:
+        """Return the error of a problem without a solution."""
+        if len(self.problem.normals) == 1 and not self.undecided:
+            n = self.problem.normals[0]
+            _, S, _ = columns_and_rows(self.problem, self.natural)
+            slope = float((self.problem.delassus @ S)[n, 0])
+            return PainleveParadox(self.problem.names[n], slope, float(self.problem.free[n]))
+        names = ", ".join(dict.fromkeys(self.problem.names))
+        return NumericalFailure(
+            f"no modes of {names} satisfy the laws of contact: the best candidate violates that of {self.best[1]} by "
+            f"{self.best[0]:.3g} of the forces"
+        )
