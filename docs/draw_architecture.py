@@ -46,6 +46,7 @@ REFERENCE_CAPTIONS = {
     "integrators": "tables, methods",
     "kernel": "compiled ground",
     "solver": "simulate",
+    "states": "single states",
     "steppers": "compiled steps",
     "tree": "joint coordinates",
 }

@@ -49,9 +49,9 @@ if TYPE_CHECKING:  # the names once more for type checkers, which do not see tho
     from consilience.mechanism import ball as ball
     from consilience.mechanism import bar as bar
     from consilience.mechanism import block as block
-    from consilience.mechanism import initial_state as initial_state
     from consilience.mechanism import random_states as random_states
     from consilience.reference import accelerations as accelerations
+    from consilience.reference import initial_state as initial_state
     from consilience.reference.formulations.body_velocities import AppliedForces
     from consilience.report.agreement import Agreement as Agreement
     from consilience.report.simulation import Simulation as Simulation
@@ -62,8 +62,8 @@ _NAMES = {
     "engine": "Question Route load_engine",
     "errors": "CannotAssemble ConsilienceError InvalidInput",
     "mechanism": "Body Control Coupling Drive Frame Friction Function Initial Joint JointSpring Load Mechanism "
-    "Rolling Skate Solid Spring State ball bar block initial_state random_states",
-    "reference": "accelerations",
+    "Rolling Skate Solid Spring State ball bar block random_states",
+    "reference": "accelerations initial_state",
     "report.agreement": "Agreement",
     "report.simulation": "Simulation",
     "suite": "run_suite",

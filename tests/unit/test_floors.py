@@ -26,6 +26,7 @@ REFERENCE = (
     ("bodies", "integrators"),
     ("steppers",),
     ("formulations", "tree"),
+    ("states",),
     ("solver",),
     ("impacts",),
     ("contact",),

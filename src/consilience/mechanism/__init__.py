@@ -6,14 +6,7 @@ is), `joints` and `joint_rows` (what a joint holds), `constraints` (the equation
 """
 
 from consilience.mechanism.applied_forces import Wrenches, applied_wrenches, conservative_part
-from consilience.mechanism.assembly import (
-    Initial,
-    assemble_positions,
-    assemble_velocities,
-    drawing_state,
-    initial_state,
-    row_names,
-)
+from consilience.mechanism.assembly import Initial, assemble_positions, assemble_velocities, drawing_state, row_names
 from consilience.mechanism.bodies import Body, Frame, check_inertia
 from consilience.mechanism.branches import SingularPose, singular_pose
 from consilience.mechanism.conditioning import mass_matrix_condition, reaction_condition, worst_condition
@@ -126,6 +119,7 @@ from consilience.mechanism.spatial import (
     rotation_with_z_axis,
     skew,
 )
+from consilience.mechanism.start import initial_state
 from consilience.mechanism.stops import DryFriction, Stop
 from consilience.mechanism.units import Units, characteristic_length, in_units, own_units
 

@@ -33,7 +33,7 @@ from consilience.mechanism.constraints import (
 from consilience.mechanism.element_rows import Angles
 from consilience.mechanism.joint_rows import joint_frames, row_jacobian, scatter
 from consilience.mechanism.joints import JOINT_KINDS
-from consilience.mechanism.model import GROUND, Joint, Mechanism, State
+from consilience.mechanism.model import Joint, Mechanism, State
 from consilience.mechanism.singular import is_singular, move
 from consilience.mechanism.spatial import (
     Array,
@@ -228,7 +228,8 @@ def newton_iterates(
 
 def row_lengths(mechanism: Mechanism, held: HeldCoordinates) -> Array:
     """Return the sizes of all holonomic rows and of the held coordinates: the characteristic length, or one."""
-    return np.concatenate([row_sizes(mechanism)[: mechanism.holonomic_count], _held_sizes(mechanism, held)])
+    sizes = held_sizes(characteristic_length(mechanism), held)
+    return np.concatenate([row_sizes(mechanism)[: mechanism.holonomic_count], sizes])
 
 
 def _jacobian(
@@ -238,10 +239,10 @@ def _jacobian(
     return np.vstack([constraint_jacobian(mechanism, state, t=t, angles=angles)[: mechanism.holonomic_count], *rows])
 
 
-def _held_sizes(mechanism: Mechanism, held: HeldCoordinates) -> Array:
+def held_sizes(length: float, held: HeldCoordinates) -> Array:
     """Return the size of each held row: the characteristic length for rows in m, one for others."""
     lengths = [name in _SCALARS or name == "position" for _, name, _ in held for _ in range(_width(name))]
-    return np.where(lengths, characteristic_length(mechanism), 1.0)
+    return np.where(lengths, length, 1.0)
 
 
 def assemble_positions(
@@ -342,7 +343,7 @@ def assemble_velocities(
         return np.vstack([constraint_jacobian(mechanism, at, t=t), *own])
 
     target = [constraint_rates(mechanism, t), *(np.atleast_1d(np.asarray(value, float)) for _, _, value in held)]
-    rows = np.concatenate([row_sizes(mechanism), _held_sizes(mechanism, held)])
+    rows = np.concatenate([row_sizes(mechanism), held_sizes(characteristic_length(mechanism), held)])
     columns = velocity_sizes(mechanism)
     Q, nu = jacobian(state) * columns / rows[:, None], np.concatenate(target) / rows
     v = np.hstack([state.v_WB_W, state.w_WB_W]).ravel() / columns
@@ -365,25 +366,3 @@ def assemble_velocities(
         )
     both = (v * columns).reshape(-1, 6)
     return State(state.p_WB, state.quat_WB, both[:, :3], both[:, 3:])
-
-
-def initial_state(mechanism: Mechanism, initial: Initial | None = None, t: float = 0.0) -> State:
-    """Return the consistent state of a mechanism at the time t, in s, for given initial conditions."""
-    initial = Initial() if initial is None else initial
-    require(initial, Initial, "initial", "Give Initial(coordinates={'pin': {'angle': 0.5}}).")
-    for name, pose in initial.poses.items():
-        require(pose, Frame, f"initial.poses: body '{name}'", "Give Frame(p, R), the pose in the world.")
-    for name in (*initial.poses, *initial.velocities):
-        if name not in mechanism.body_index or name == GROUND:
-            known = ", ".join(b.name for b in mechanism.bodies)
-            raise InvalidInput("initial.bodies", f"there is no body '{name}'", f"Bodies are: {known}.")
-    coordinates = held_coordinates(mechanism, initial.coordinates, "joints")
-    rates = held_coordinates(mechanism, initial.rates, "rates")
-    placed = assemble_positions(mechanism, drawing_state(mechanism, initial.poses), coordinates, t)
-    v, w = np.zeros_like(placed.v_WB_W), np.zeros_like(placed.w_WB_W)
-    for name, both in initial.velocities.items():
-        hint = " It is v_WB_W, then w_WB_W."
-        v[mechanism.body_index[name]], w[mechanism.body_index[name]] = fixed_array(
-            np.array(both, dtype=object), (2, 3), f"initial.velocities: body '{name}'", hint
-        )
-    return assemble_velocities(mechanism, State(placed.p_WB, placed.quat_WB, v, w), rates, t)

@@ -1,8 +1,9 @@
 """Reference solver: equations of motion in many formulations, integration, analyses, impacts.
 
 `simulate` integrates a mechanism and `accelerations` evaluates single states, in any of `FORMULATIONS` and `SYSTEMS`;
-`formulation` returns the equations of motion. See the packages `analyses` and `impacts` for the rest. The first call in
-a fresh installation compiles the kernels (a minute or two); later processes load them from the cache.
+`initial_state` assembles a mechanism and `formulation` returns the equations of motion. See the packages `analyses` and
+`impacts` for the rest. The first call in a fresh installation compiles the kernels (a minute or two); later processes
+load them from the cache.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from consilience.reference.kernel.cache import announce_compilation
 if TYPE_CHECKING:
     from consilience.reference.formulations.registry import FORMULATIONS, SYSTEMS, formulation, unsupported
     from consilience.reference.solver import accelerations, simulate
+    from consilience.reference.states.assembly import initial_state
     from consilience.reference.tree.forward_dynamics import ForwardDynamics
 
 __all__ = [
@@ -25,6 +27,7 @@ __all__ = [
     "NumericalFailure",
     "accelerations",
     "formulation",
+    "initial_state",
     "simulate",
     "unsupported",
 ]
@@ -32,6 +35,7 @@ __all__ = [
 _MODULES = {
     **dict.fromkeys(("FORMULATIONS", "SYSTEMS", "formulation", "unsupported"), "formulations.registry"),
     **dict.fromkeys(("accelerations", "simulate"), "solver"),
+    "initial_state": "states.assembly",
     "ForwardDynamics": "tree.forward_dynamics",
 }
 """Modules of the names that import Numba, which takes longer than many commands need."""

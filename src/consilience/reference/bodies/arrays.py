@@ -194,25 +194,28 @@ def _counted(coordinate: Array, elements: dict[str, Array]) -> Array:
 
 
 def flatten(mechanism: Mechanism) -> Model:
+    """Convert a mechanism to arrays, as a record."""
+    return record_of(model_arrays(mechanism))
+
+
+def model_arrays(mechanism: Mechanism) -> Model:
     """Convert a mechanism to arrays."""
     number = _Numbers(mechanism)
     joints = _joint_arrays(mechanism)
     elements = {**_force_arrays(mechanism, number), **_constraint_arrays(mechanism, number)}
     inertia = np.array([b.inertia for b in mechanism.bodies])
     coordinate = np.array(list(number.coordinates), records.COORDINATE)
-    return record_of(
-        Model(
-            gravity=np.array(mechanism.gravity),
-            mass=np.array([b.mass for b in mechanism.bodies]),
-            inertia=inertia,
-            inertia_factor=np.linalg.cholesky(inertia),
-            length=_length(mechanism.joints, joints),
-            coordinate=coordinate,
-            counted=_counted(coordinate, elements),
-            functions=flatten_functions(number.functions),
-            **joints,
-            **elements,
-        )
+    return Model(
+        gravity=np.array(mechanism.gravity),
+        mass=np.array([b.mass for b in mechanism.bodies]),
+        inertia=inertia,
+        inertia_factor=np.linalg.cholesky(inertia),
+        length=_length(mechanism.joints, joints),
+        coordinate=coordinate,
+        counted=_counted(coordinate, elements),
+        functions=flatten_functions(number.functions),
+        **joints,
+        **elements,
     )
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 _PACKAGE = Path(__file__).parents[2]
 
-_ROOMS = ("kernel", "bodies", "integrators", "steppers", "tree", "formulations")
+_ROOMS = ("kernel", "bodies", "integrators", "steppers", "tree", "formulations", "states")
 
 SOURCES = (
     *(f"reference/{room}/*.py" for room in _ROOMS),

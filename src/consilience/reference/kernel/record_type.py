@@ -12,8 +12,3 @@ INT = np.int64
 def record_type(*fields: tuple[Any, ...]) -> np.dtype[Any]:
     """Return the type of records with some fields: name, type and, for an array, its shape."""
     return np.dtype((np.record, list(fields)), align=True)
-
-
-def new_record(kind: np.dtype[Any]) -> Any:
-    """Return a record of zeros."""
-    return np.zeros(1, kind)[0]

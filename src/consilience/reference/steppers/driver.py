@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from consilience.mechanism import Array
-from consilience.reference.kernel.compiled import inner, kernel
+from consilience.reference.kernel.compiled import inner, threaded
 from consilience.reference.kernel.mechanism_record import fields_of, record_array, record_of
 from consilience.reference.kernel.operation import Operation, address_of
 from consilience.reference.kernel.vectors import assign
@@ -180,7 +180,7 @@ def _integrate(drive: _Drive, times: Array, tolerance: float, longest: float, st
     return 0
 
 
-@kernel
+@threaded
 def integrate(
     drive: _Drive, times: Array, tolerance: float, longest: float, stop_if_stiff: bool, samples: Array
 ) -> int:

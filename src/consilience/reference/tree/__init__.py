@@ -29,6 +29,7 @@ taylor_rows           Taylor coefficients of its loop closures
 taylor                stepper of `steppers`: Taylor's method
 forward_dynamics      accelerations at one state, many states, many parameter sets
 solver                motions of a mechanism, from canonical states to canonical states
+parameter_sets        many motions of a mechanism whose numbers change
 formulation           the form behind the protocol of all formulations
 ====================  =================================================================================
 """

@@ -207,38 +207,41 @@ def flatten_relative(mechanism: Mechanism) -> tuple[TreeLinks, TreeModel, Model]
 
 
 def link_constants(tree: TreeModel, model: Model) -> Array:
-    """Return the constants of the links, shape (n_b, 31), as in `records.constants_of`."""
+    """Return the constants of the links, shape (..., n_b, 31), as in `records.constants_of`."""
     forward = tree.sign > 0
-    on_i, on_j = model.axes_i[tree.joint], model.axes_j[tree.joint]
-    arm_i, arm_j = model.arm_i[tree.joint], model.arm_j[tree.joint]
+    on_i, on_j = model.axes_i[..., tree.joint, :, :], model.axes_j[..., tree.joint, :, :]
+    arm_i, arm_j = model.arm_i[..., tree.joint, :], model.arm_j[..., tree.joint, :]
     inboard, outboard = np.where(forward[:, None, None], on_i, on_j), np.where(forward[:, None, None], on_j, on_i)
     arm_inboard, arm_outboard = np.where(forward[:, None], arm_i, arm_j), np.where(forward[:, None], arm_j, arm_i)
     # parent -1 selects the last entry, the ground
-    base = np.concatenate([outboard, np.eye(3)[None]])[tree.parent]
-    turned = np.swapaxes(outboard, 1, 2)
-    inertia = turned @ model.inertia[tree.body] @ outboard
+    ground = np.broadcast_to(np.eye(3), (*outboard.shape[:-3], 1, 3, 3))
+    base = np.concatenate([outboard, ground], axis=-3)[..., tree.parent, :, :]
+    turned = np.swapaxes(outboard, -1, -2)
+    inertia = turned @ model.inertia[..., tree.body, :, :] @ outboard
+    matrices = (*outboard.shape[:-2], 9)
     parts = [
-        np.swapaxes(np.swapaxes(base, 1, 2) @ inboard, 1, 2).reshape(-1, 9),
-        np.einsum("kji,kj->ki", base, arm_inboard),
-        np.einsum("kij,kj->ki", turned, arm_outboard),
-        model.mass[tree.body][:, None],
-        inertia[:, *np.triu_indices(3)],
-        outboard.reshape(-1, 9),
+        np.swapaxes(np.swapaxes(base, -1, -2) @ inboard, -1, -2).reshape(matrices),
+        np.einsum("...kji,...kj->...ki", base, arm_inboard),
+        np.einsum("...kij,...kj->...ki", turned, arm_outboard),
+        model.mass[..., tree.body, None],
+        inertia[..., *np.triu_indices(3)],
+        outboard.reshape(matrices),
     ]
-    return np.hstack(parts)
+    return np.concatenate(parts, axis=-1)
 
 
 def link_records(links: TreeLinks, gravity: Array) -> Array:
-    """Return the links and, last, the ground, LINK of shape (n_b + 1,), with constants alone."""
-    found, layout = np.zeros(len(links.layout) + 1, LINK), links.layout
+    """Return the links and, last, the ground, LINK of shape (..., n_b + 1), with constants alone."""
+    layout = links.layout
+    found = np.zeros((*links.constants.shape[:-2], len(layout) + 1), LINK)
     for field in ("parent", "coordinate", "translations", "rotations"):
-        found[field][:-1] = layout[field]
-    found["first"][:-1], found["last"][:-1] = layout["free"], layout["free_end"]
-    found["is_revolute"][:-1] = (layout["translations"] == 0) & (layout["rotations"] == 1)
-    found["sense"][:-1] = 2.0 * layout["forward"] - 1.0
-    constants_of(found)[:-1] = links.constants
-    ground = found[-1]
-    ground["inboard_axes"][0], ground["coordinate"], ground["axes"] = gravity, links.first_speed, np.eye(3)
+        found[field][..., :-1] = layout[field]
+    found["first"][..., :-1], found["last"][..., :-1] = layout["free"], layout["free_end"]
+    found["is_revolute"][..., :-1] = (layout["translations"] == 0) & (layout["rotations"] == 1)
+    found["sense"][..., :-1] = 2.0 * layout["forward"] - 1.0
+    constants_of(found)[..., :-1, :] = links.constants
+    ground = found[..., -1]
+    ground["inboard_axes"][..., 0, :], ground["coordinate"], ground["axes"] = gravity, links.first_speed, np.eye(3)
     return found
 
 
@@ -297,7 +300,7 @@ def loop_closure(tree: TreeArrays, loops: Loops, position_rows: int, width: int)
 def tree_system(mechanism: Mechanism, links: TreeLinks, spanning: TreeModel, model: Model) -> TreeSystem:
     """Return the arrays of a mechanism in space; those that kernels write are new."""
     cut = spanning.cut
-    link, free = link_records(links, mechanism.gravity), free_records(links)
+    link, free = link_records(links, model.gravity), free_records(links)
     tree = tree_arrays(links, model.length, link, free, len(mechanism.controls))
     closure = loop_closure(tree, links.loops, links.position_rows, 6)
     elimination = elimination_arrays(len(closure.value), tree.layout, len(tree.free))
@@ -341,11 +344,15 @@ def with_own_arrays(given: TreeSystem) -> TreeSystem:
 
 
 def persistent_arrays(used: TreeSystem, given: TreeSystem) -> list[tuple[Array, Array]]:
-    """Return pairs of arrays that one motion would leave changed for the next, and their initial values."""
+    """Return pairs of arrays that one motion would leave changed for the next, and their initial values.
+
+    Links and free directions are among them: their constants may be those of another parameter set.
+    """
     return list(zip(_persistent(used), _persistent(given), strict=True))
 
 
 def _persistent(arrays: TreeSystem) -> list[Array]:
     closure = arrays.closure
     turns = [] if arrays.elements is None else [arrays.elements.turns]
-    return [closure.qr.order, closure.qr.state, closure.rank_limit, closure.best, closure.row_norm, *turns]
+    own = [closure.qr.order, closure.qr.state, closure.rank_limit, closure.best, closure.row_norm, *turns]
+    return [*own, arrays.tree.link, arrays.tree.free]

@@ -46,16 +46,17 @@ def cut_joints(tree: TreeModel, model: Model) -> CutJoints:
     link = np.full(len(tree.body) + 1, -1)
     link[tree.body] = np.arange(len(tree.body))
     # a link has the axes of the joint frame on it; the ground, the last entry, those of the world
-    own = np.where((tree.sign > 0)[:, None, None], model.axes_j[tree.joint], model.axes_i[tree.joint])
-    to_link = np.concatenate([np.swapaxes(own, 1, 2), np.eye(3)[None]])
-    found = np.zeros(len(closing), CUT_JOINT)
+    on_i, on_j = model.axes_i[..., tree.joint, :, :], model.axes_j[..., tree.joint, :, :]
+    own = np.swapaxes(np.where((tree.sign > 0)[:, None, None], on_j, on_i), -1, -2)
+    to_link = np.concatenate([own, np.broadcast_to(np.eye(3), (*own.shape[:-3], 1, 3, 3))], axis=-3)
+    found = np.zeros((*own.shape[:-3], len(closing)), CUT_JOINT)
     found["first_row"], found["last_row"] = cut.first_row[closing], cut.first_row[closing + 1]
-    found["pitch"] = cut.pitch[closing]
+    found["pitch"] = cut.pitch[..., closing]
     for side, body, arm, axes in (("i", cut.body_i, cut.arm_i, cut.axes_i), ("j", cut.body_j, cut.arm_j, cut.axes_j)):
         on = link[body[closing]]
-        found[side] = on
-        found[f"arm_{side}"] = np.einsum("kmn,kn->km", to_link[on], arm[closing])
-        found[f"axes_{side}"] = np.swapaxes(to_link[on] @ axes[closing], 1, 2)
+        found[side], turned = on, to_link[..., on, :, :]
+        found[f"arm_{side}"] = np.einsum("...kmn,...kn->...km", turned, arm[..., closing, :])
+        found[f"axes_{side}"] = np.swapaxes(turned @ axes[..., closing, :, :], -1, -2)
     return CutJoints(found, cut.row_kind, cut.row_target)
 
 

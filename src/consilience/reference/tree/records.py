@@ -65,8 +65,8 @@ _FIRST_CONSTANT, _CONSTANTS = 8, 31
 
 
 def constants_of(link: Array) -> Array:
-    """Return a view of the fields of LINK that describe a mechanism in numbers, shape (n_b + 1, 31)."""
-    return link.view(float).reshape(len(link), -1)[:, _FIRST_CONSTANT : _FIRST_CONSTANT + _CONSTANTS]
+    """Return a view of the fields of LINK that describe a mechanism in numbers, shape (..., n_b + 1, 31)."""
+    return link.view(float).reshape(*link.shape, -1)[..., _FIRST_CONSTANT : _FIRST_CONSTANT + _CONSTANTS]
 
 
 MOTION = record_type(("acceleration", *_MOTION))

@@ -20,6 +20,7 @@ from consilience.reference.bodies.residual import (
     check_solvable,
     refuse_inconsistent,
 )
+from consilience.reference.bodies.spanning_tree import TreeModel
 from consilience.reference.integrators.step_control import STATUS, UNSUITABLE
 from consilience.reference.kernel.mechanism_record import record_array
 from consilience.reference.steppers import explicit, gauss, radau13
@@ -71,10 +72,11 @@ class _WorkingArrays(NamedTuple):
     persistent_arrays: list[tuple[Array, Array]]  # arrays to reset, and their initial values
 
 
-class _PreparedMechanism(NamedTuple):
+class PreparedMechanism(NamedTuple):
     """Data common to all motions of a mechanism."""
 
     links: TreeLinks
+    spanning: TreeModel
     packing: StatePacking  # a record array
     model: Model
     cut: Model  # the mechanism with the rows that the tree does not satisfy
@@ -103,8 +105,13 @@ class _PreparedMechanism(NamedTuple):
 
 
 @lru_cache(maxsize=8)
-def _prepare(mechanism: Mechanism, in_space: bool) -> _PreparedMechanism:
-    """Prepare a mechanism; the last mechanisms are kept, because preparation is slow.
+def _prepare(mechanism: Mechanism, in_space: bool) -> PreparedMechanism:
+    """Prepare a mechanism; the last mechanisms are kept, because preparation is slow."""
+    return prepare(mechanism, in_space)
+
+
+def prepare(mechanism: Mechanism, in_space: bool = False) -> PreparedMechanism:
+    """Prepare a mechanism for many motions.
 
     With `in_space` the kernels of space serve mechanisms in a plane, too.
     """
@@ -115,8 +122,9 @@ def _prepare(mechanism: Mechanism, in_space: bool) -> _PreparedMechanism:
     pair = "dop853" if len(model.functions.pieces) else "tp86"
     default_integrators = (*(["taylor"] if taylor.has_series(arrays, tree_alone) else []), pair, "radau13")
     idle: dict[str, list[_WorkingArrays]] = {name: [] for name in INTEGRATORS}
-    return _PreparedMechanism(
+    return PreparedMechanism(
         links,
+        spanning,
         record_array(StatePacking(links, spanning, model)),
         model,
         spanning.cut,
@@ -155,7 +163,18 @@ def simulate_relative(
     NumericalFailure
         With the status of the integrator, or the constraint that is violated.
     """
-    prepared = _prepare(mechanism, integrator == "gauss")
+    return simulate_prepared(_prepare(mechanism, integrator == "gauss"), mechanism, state, times, tolerance, integrator)
+
+
+def simulate_prepared(
+    prepared: PreparedMechanism,
+    mechanism: Mechanism,
+    state: State,
+    times: Array,
+    tolerance: float,
+    integrator: str | None = None,
+) -> TrajectoryAnswer:
+    """Return the motion of a mechanism whose numbers the prepared arrays hold; see `simulate_relative`."""
     if integrator == "taylor" and "taylor" not in prepared.default_integrators:
         why = "it is for mechanisms that move in parallel planes by gravity alone, without drives, couplings and rods"
         raise InvalidInput("integrator", f"taylor cannot follow {mechanism.name}: {why}", "Use tp86, or leave it out.")
@@ -181,7 +200,7 @@ def simulate_relative(
 
 
 def _run(
-    prepared: _PreparedMechanism, name: str, request: MotionRequest, stop_if_stiff: bool
+    prepared: PreparedMechanism, name: str, request: MotionRequest, stop_if_stiff: bool
 ) -> tuple[int, Array, dict[str, int | float], float, bool]:
     """Integrate; return status, bodies at samples, counters, start of the last step (s), if rows depend on others."""
     working = prepared.working(name)
