@@ -7,7 +7,7 @@ window.addEventListener("load", () => {
       [...row.cells].forEach((cell, column) => (cell.dataset.head = heads[column] ?? ""));
   }
   for (const head of document.querySelectorAll("thead th"))
-    if (!head.textContent.trim()) head.setAttribute("aria-label", "what");
+    if (!head.textContent.trim()) head.replaceWith(document.createElement("td"));
   // for readers without a screen or a mouse: levels and names of the sidebars, and keys for what scrolls sideways
   for (const caption of document.querySelectorAll("p.caption[role=heading]")) caption.setAttribute("aria-level", "2");
   document.querySelector(".sidebar-drawer")?.setAttribute("aria-label", "Pages");
