@@ -12,7 +12,7 @@ from consilience.cli.explanations import Topic, read_explanations
 
 FINDINGS = Path(__file__).parents[1] / "reports" / "findings"
 
-OFFERS = ("reference", "reference.analyses", "reference.impacts")
+OFFERS = ("reference", "reference.analyses", "reference.contact")
 """Packages whose names come from their modules."""
 
 API: dict[str, tuple[str, tuple[str, ...]]] = {

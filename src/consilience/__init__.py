@@ -120,7 +120,8 @@ def simulate(
     tolerance, integrator, forces, assemble
         As in `consilience.reference.simulate`.
     formulation : str, optional
-        Default: ``relative``, compiled as a whole; ``descriptor`` where forces are given.
+        Default: ``relative``, compiled as a whole; ``descriptor`` where forces are given; with contacts, stops or dry
+        friction `consilience.reference.contact.simulate_with_contacts`.
 
     Raises
     ------
@@ -132,6 +133,7 @@ def simulate(
     from consilience.errors import InvalidInput  # noqa: PLC0415
     from consilience.mechanism import initial_state  # noqa: PLC0415
     from consilience.reference import simulate as integrate  # noqa: PLC0415
+    from consilience.reference.contact import simulate_with_contacts  # noqa: PLC0415
     from consilience.report.simulation import Simulation  # noqa: PLC0415
 
     if isinstance(mechanism, Case):
@@ -142,7 +144,12 @@ def simulate(
         raise InvalidInput("times", "they are missing", "Give sample times in s, for example numpy.linspace(0, 2, 41).")
     start = initial_state(mechanism) if state is None else state
     form = formulation or ("relative" if forces is None else "descriptor")
-    answer = integrate(mechanism, start, np.asarray(times, dtype=float), tolerance, form, integrator, forces, assemble)
+    grid = np.asarray(times, dtype=float)
+    touches = mechanism.contacts or mechanism.stops or mechanism.dry_frictions
+    if touches and formulation is None and forces is None:
+        answer = simulate_with_contacts(mechanism, start, grid, tolerance)[0]
+    else:
+        answer = integrate(mechanism, start, grid, tolerance, form, integrator, forces, assemble)
     return Simulation.of(mechanism, answer)
 
 

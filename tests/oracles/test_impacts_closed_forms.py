@@ -14,7 +14,7 @@ from consilience.mechanism import (
     kinetic_energy,
     quaternion_from_rotation,
 )
-from consilience.reference.impacts import PointPlane, SpherePlane, SphereSphere, simulate_with_impacts, solve_impact
+from consilience.reference.contact import PointPlane, SpherePlane, SphereSphere, simulate_with_impacts, solve_impact
 from mechanisms import lumpy_body, rotation
 
 BAR = 1e-9

@@ -327,7 +327,7 @@ def test_every_public_name_is_documented_where_it_is_imported_from():
         "consilience",
         "consilience.reference",
         "consilience.reference.analyses",
-        "consilience.reference.impacts",
+        "consilience.reference.contact",
     ):
         package = importlib.import_module(module)
         for name in package.__all__:

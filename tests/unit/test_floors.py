@@ -28,7 +28,6 @@ REFERENCE = (
     ("formulations", "tree"),
     ("states",),
     ("solver",),
-    ("impacts",),
     ("contact",),
     ("analyses", "engine"),
     ("__init__",),

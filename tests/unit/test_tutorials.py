@@ -131,7 +131,7 @@ def test_a_right_number_passes(statement):
 
 
 API = Path(__file__).parents[2] / "docs" / "api.md"
-COMPLETE = ("consilience.reference", "consilience.reference.analyses", "consilience.reference.impacts")
+COMPLETE = ("consilience.reference", "consilience.reference.analyses", "consilience.reference.contact")
 
 
 def entries():

@@ -61,7 +61,6 @@ from consilience.mechanism.element_rows import (
 )
 from consilience.mechanism.elementary_tree import Coordinate, Link, Tree, coordinates, to_elementary_tree
 from consilience.mechanism.elements import (
-    NO_LENGTH,
     Control,
     Coupling,
     Drive,
@@ -129,7 +128,6 @@ __all__ = [
     "BASIC_CONSTRAINTS",
     "GROUND",
     "JOINT_KINDS",
-    "NO_LENGTH",
     "RANK_TOLERANCE",
     "TOUCHING",
     "Angles",

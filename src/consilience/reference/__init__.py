@@ -1,8 +1,8 @@
-"""Reference solver: equations of motion in many formulations, integration, analyses, impacts.
+"""Reference solver: equations of motion in many formulations, integration, analyses, contact.
 
 `simulate` integrates a mechanism and `accelerations` evaluates single states, in any of `FORMULATIONS` and `SYSTEMS`;
 `initial_state` assembles a mechanism and `formulation` returns the equations of motion. See the packages `analyses` and
-`impacts` for the rest. The first call in a fresh installation compiles the kernels (a minute or two); later processes
+`contact` for the rest. The first call in a fresh installation compiles the kernels (a minute or two); later processes
 load them from the cache.
 """
 

@@ -22,8 +22,8 @@ from consilience.engine import (
 )
 from consilience.errors import NumericalFailure
 from consilience.mechanism import Array, Mechanism, State, free_directions, in_units, mass_properties, own_units
+from consilience.reference.contact import contact_instant, simulate_with_contacts
 from consilience.reference.formulations import registry
-from consilience.reference.impacts import contact_motion, simulate_with_impacts
 from consilience.reference.solver import accelerations, refuse_steep_friction, simulate
 
 _INSTANTS = ("descriptor", "null_space")
@@ -40,8 +40,8 @@ _MANY = 24
 _OTHER = {"relative, Gauss": ("relative", "gauss", (1e-12,))}
 """Further motions that bound the uncertainty, by another integrator: formulation, integrator, tolerances."""
 
-_IMPACTS = "descriptor, impacts"
-"""Method for motions of mechanisms with contacts, with the tolerances of `relative`."""
+_CONTACTS = "descriptor, contacts"
+"""Method for mechanisms with contacts, stops or dry friction; for motions with the tolerances of `relative`."""
 
 _LADDER = (1e-9, 1e-10, 1e-11)
 """Tolerances of a formulation that is named."""
@@ -98,12 +98,13 @@ class ReferenceEngine:
         """List the methods that answer a question, the reference first."""
         if question is Question.MODEL:
             return (Method("mass properties and constraint rank", Route.REFERENCE),)
+        if self._own is None and _touches(mechanism):
+            tolerances = () if question is Question.INSTANT else _MOTIONS["relative"]
+            return (Method(_CONTACTS, Route.REFERENCE, tolerances=tolerances),)
         if question is Question.INSTANT:
             return tuple(Method(name, Route.REFERENCE) for name in ([self._own] if self._own else _INSTANTS))
         if self._own is not None:
             return (_motion(self._own, _LADDER),)
-        if mechanism.contacts:
-            return (Method(_IMPACTS, Route.REFERENCE, tolerances=_MOTIONS["relative"]),)
         if len(mechanism.bodies) > _MANY:
             return tuple(_motion(name, tolerances) for name, tolerances in _LONG.items())
         return (
@@ -122,12 +123,11 @@ class ReferenceEngine:
         return ModelAnswer(mass, com, inertia, freedom)
 
     def instant(self, mechanism: Mechanism, states: Sequence[State], method: Method) -> InstantAnswer:
-        """Return accelerations, reactions (if the formulation has them) and energies; no contact may be closed."""
-        for contact in mechanism.contacts:
-            if any(contact_motion(mechanism, state, contact).gap <= 0.0 for state in states):
-                raise NumericalFailure(f"contact '{contact.name}' is closed: an impact has no accelerations")
+        """Return accelerations, reactions (if the formulation has them), contact forces and energies."""
+        if self._own is None and _touches(mechanism):
+            return contact_instant(mechanism, states)
         units = own_units(mechanism)
-        own = replace(in_units(mechanism, *units), contacts=())
+        own = in_units(mechanism, *units)
         return units.inverse.convert(accelerations(own, [units.convert(state) for state in states], method.name))
 
     def trajectory(
@@ -146,8 +146,8 @@ class ReferenceEngine:
         step : float
             Tolerance, or for a formulation with constant steps the step, s.
         """
-        if mechanism.contacts:  # lengths and speeds are relative there, and messages name them
-            return simulate_with_impacts(mechanism, state, np.asarray(times), mechanism.contacts, step)[0]
+        if self._own is None and _touches(mechanism):  # lengths and speeds are relative there, and messages name them
+            return simulate_with_contacts(mechanism, state, np.asarray(times), step)[0]
         refuse_steep_friction(mechanism)  # here, because the message names a speed
         units = own_units(mechanism, _unit_of_time(times))
         own, start, grid = _in_units(mechanism, *units), units.convert(state), np.asarray(times) * units.time
@@ -159,6 +159,11 @@ class ReferenceEngine:
             note = "" if units.time == 1.0 else f" (in units of {1.0 / units.time:g} s)"
             raise NumericalFailure(f"{error}{note}") from None
         return replace(units.inverse.convert(found), time=np.asarray(times))
+
+
+def _touches(mechanism: Mechanism) -> bool:
+    """Return whether a mechanism has contacts, stops or dry friction."""
+    return bool(mechanism.contacts or mechanism.stops or mechanism.dry_frictions)
 
 
 def _unit_of_time(times: Array) -> float:

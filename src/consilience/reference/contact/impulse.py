@@ -2,7 +2,7 @@
 
 ``u+ = u- + G p`` with the Delassus matrix G, all contacts together:
 
-- Newton: ``u_n+ = -e u_n-``, with friction by the modes of `consilience.reference.impacts.modes`, which never gains
+- Newton: ``u_n+ = -e u_n-``, with friction by the modes of `consilience.reference.contact.modes`, which never gains
   energy. That table is of circles; other friction sets (pyramids, boxes, moments) follow Moreau's law.
 - Moreau: ``0 <= u_n+ + e u_n- _|_ N >= 0``, friction opposes the velocity after: what a time stepper does.
 - Poisson: a contact by itself follows Routh's path; contacts that act on one another take two phases (Pfeiffer and
@@ -22,9 +22,9 @@ from consilience.errors import InvalidInput
 from consilience.mechanism import Array
 from consilience.reference.contact.decision import decide
 from consilience.reference.contact.groups import groups
+from consilience.reference.contact.modes import ClosedContacts, solve_modes
 from consilience.reference.contact.problem import ContactProblem, FrictionSet
 from consilience.reference.contact.routh import poisson_path
-from consilience.reference.impacts.modes import ClosedContacts, solve_modes
 
 LAWS = ("newton", "moreau", "poisson")
 
@@ -38,7 +38,7 @@ class ImpulseSolution:
     impulse, velocity : ndarray, shape (m,)
         p, and u after.
     modes : tuple of str, length n
-        Mode of each normal row: of `consilience.reference.impacts.modes`, or released, sliding, sticking, frictionless.
+        Mode of each normal row: of `consilience.reference.contact.modes`, or released, sliding, sticking, frictionless.
     unique : bool, optional
         As of `consilience.reference.contact.decision.ModeDecision`; none if not examined.
     """
@@ -72,6 +72,8 @@ def solve_impulse(
     NumericalFailure
         No impulses satisfy the law.
     """
+    if not problem.normals:
+        return ImpulseSolution(np.zeros(len(problem.free)), problem.free, (), True)
     sets = tuple(f for f in problem.friction if f.load is not None)
     sets = tuple(replace(f, static=f.kinetic, offset=0.0) for f in sets)
     problem = replace(problem, friction=sets, sliding=None)

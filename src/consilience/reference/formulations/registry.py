@@ -132,7 +132,7 @@ Accelerations at an instant are those of index 1, from the hidden constraints ``
 """
 
 
-_SMOOTH = "a formulation has smooth equations of motion, without impacts"
+_SMOOTH = "a formulation has smooth equations of motion, without contact, stops and friction that sticks"
 
 
 def entry(name: str) -> FormulationEntry:
@@ -164,22 +164,24 @@ def system(name: str) -> Callable[..., TrajectoryAnswer]:
 def unsupported(name: str, mechanism: Mechanism) -> tuple[Unsupported, ...]:
     """List the features of a mechanism that a formulation cannot represent, with reasons."""
     found: tuple[Unsupported, ...] = entry(name).module.unsupported(mechanism)
-    return found + _impacts(mechanism)
+    return found + _contacts(mechanism)
 
 
-def _impacts(mechanism: Mechanism) -> tuple[Unsupported, ...]:
-    return tuple(Unsupported(f"contact '{c.name}'", _SMOOTH) for c in mechanism.contacts[:1])
+def _contacts(mechanism: Mechanism) -> tuple[Unsupported, ...]:
+    names = [f"contact '{c.name}'" for c in mechanism.contacts] + [f"stop '{s.name}'" for s in mechanism.stops]
+    names += [f"dry friction '{d.name}'" for d in mechanism.dry_frictions]
+    return tuple(Unsupported(name, _SMOOTH) for name in names[:1])
 
 
 def refuse_contacts(mechanism: Mechanism) -> None:
-    """Refuse a mechanism with contacts: smooth equations of motion have no impacts.
+    """Refuse a mechanism with contacts, stops or dry friction: a formulation has smooth equations of motion.
 
     Raises
     ------
     InvalidInput
     """
-    for refusal in _impacts(mechanism):
-        raise InvalidInput(refusal.feature, refusal.reason, "Use consilience.reference.impacts.simulate_with_impacts.")
+    for refusal in _contacts(mechanism):
+        raise InvalidInput(refusal.feature, refusal.reason, "Use consilience.reference.contact.simulate_with_contacts.")
 
 
 def formulation(name: str, mechanism: Mechanism) -> Formulation:

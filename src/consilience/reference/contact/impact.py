@@ -41,27 +41,20 @@ joints are of least norm.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from consilience.errors import NumericalFailure
-from consilience.mechanism import (
-    RANK_TOLERANCE,
-    Array,
-    Contact,
-    Mechanism,
-    State,
-    characteristic_length,
-    kinetic_energy,
-    rotation_from_quaternion,
-    skew,
-)
-from consilience.reference.bodies.arrays import Model, unpack
+from consilience.mechanism import Array, Contact, Mechanism, State, characteristic_length, kinetic_energy
+from consilience.reference.bodies.arrays import unpack
 from consilience.reference.bodies.canonical import joint_wrenches
-from consilience.reference.impacts.geometry import ContactMotion, check_contacts, contact_motion
-from consilience.reference.impacts.modes import ClosedContacts, solve_modes
-from consilience.reference.impacts.stepper import constraint_rows
+from consilience.reference.contact.equations import ContactEquations, Response, open_modes
+from consilience.reference.contact.geometry import check_contacts
+from consilience.reference.contact.impulse import solve_impulse
+from consilience.reference.contact.layout import RowLayout, layout_of
+from consilience.reference.contact.pairs import RowMotion
+from consilience.reference.contact.stepper import Stepper
 
 AT_REST = 1e-10
 """Contact velocities below this fraction of `velocity_scale` count as zero."""
@@ -145,49 +138,112 @@ def solve_impact(
         If no combination of modes is admissible: bodies are wedged.
     """
     check_contacts(mechanism, contacts)
-    motions = [contact_motion(mechanism, state, c) for c in contacts]
+    layout = layout_of(replace(mechanism, contacts=contacts, stops=(), dry_frictions=()))
+    equations = ContactEquations(layout)
+    stepper = Stepper(equations, state, time, 1e-12, open_modes(layout))
+    if turns is not None:
+        stepper.turns[:] = turns
+    response = stepper.respond(time, stepper.y)
     at_rest = AT_REST * velocity_scale(mechanism, state)
-    active = [n for n, m in enumerate(motions) if m.rate <= at_rest]
-    contacts, motions = tuple(contacts[n] for n in active), [motions[n] for n in active]
-    model, y, Q = constraint_rows(mechanism, state, time, turns)
-    response = _Response(model, Q, _contact_rows(mechanism, y, contacts, motions))
-    law = ClosedContacts(
-        names=tuple(c.name for c in contacts),
-        normal=np.array([m.normal for m in motions]).reshape(-1, 3),
-        friction=np.array([c.friction for c in contacts]),
-        target=np.array([c.restitution * max(-m.rate, 0.0) for c, m in zip(contacts, motions, strict=True)]),
-        before=np.array([m.velocity for m in motions]).reshape(-1, 3),
-        compliance=response.K @ response.K.T,
-        free_compliance=float(np.max(np.abs(response.load), initial=0.0)) ** 2,
-        at_rest=at_rest,
+    taking = equations.rows.u[list(layout.normals)] <= at_rest
+    return apply_impact(equations, response, stepper, taking, layout.restitution, at_rest)[0]
+
+
+def apply_impact(
+    equations: ContactEquations, response: Response, stepper: Stepper, taking: Array, restitution: Array, at_rest: float
+) -> tuple[Impact, Array, Array]:
+    """Solve the impact of normals that touch, at the state of a stepper.
+
+    Parameters
+    ----------
+    equations : ContactEquations
+        Rows evaluated at that state.
+    response : Response
+        At that state.
+    stepper : Stepper
+    taking : ndarray of bool, shape (n_n,)
+        Normals that take part: closed ones that approach or are at rest.
+    restitution : ndarray, shape (n_n,)
+    at_rest : float
+        Rates below this count as zero.
+
+    Returns
+    -------
+    Impact
+        A stop has no direction: its impulse is one of the joint coordinate.
+    velocity : ndarray, shape (6 n_b,)
+        (v, w') of all bodies afterwards.
+    force : ndarray, shape (m,), N s
+        Impulses of all rows.
+    """
+    layout, rows = equations.layout, equations.rows
+    normals = np.flatnonzero(taking)
+    problem, at, _ = equations.problem(response, taking, rows.u)
+    poisson = any(layout.parts[k].impact_law == "poisson" for k in normals if k < len(layout.parts))
+    found = solve_impulse(
+        replace(problem, free=rows.u[at]), restitution[normals], "poisson" if poisson else "newton", at_rest, stepper.t
     )
-    modes, p, after = solve_modes(law, time)
-    y[:, 7:13] += response.velocity_change(p.ravel()).reshape(-1, 6)
-    state_after = State(state.p_WB, state.quat_WB, *unpack(mechanism, y)[2:])
-    wrenches = joint_wrenches(mechanism, state, response.multipliers(p.ravel()))
-    N = np.sum(p * law.normal, axis=1)
-    tangential = p - N[:, None] * law.normal
-    mean = 0.5 * (law.before + after)
-    record = Impact(
+    force = np.zeros(len(layout.names))
+    force[at] = found.impulse
+    y, count = stepper.y, len(equations.model.mass)
+    velocity = y[:count, 7:13].ravel() + equations.inverse.T @ (response.K.T @ force)
+    changed = y.copy()
+    changed[:count, 7:13] = velocity.reshape(-1, 6)
+    states = tuple(State(*unpack(layout.smooth, packed)) for packed in (y, changed))
+    wrenches = joint_wrenches(layout.smooth, states[0], equations.multipliers_of_impulse(response, force))
+    after = rows.u + response.K @ (response.K.T @ force)
+    record = _record(layout, rows, normals, (found.modes, after, force), states, wrenches, stepper.t)
+    _check_energy(record)
+    return record, velocity, force
+
+
+def _record(
+    layout: RowLayout,
+    rows: RowMotion,
+    normals: Array,
+    solved: tuple[tuple[str, ...], Array, Array],
+    states: tuple[State, ...],
+    wrenches: Array,
+    time: float,
+) -> Impact:
+    """Return the record of an impact.
+
+    Parameters
+    ----------
+    layout, rows, normals
+        As in `apply_impact`; rates before.
+    solved : tuple
+        Modes (n_c,), and rates after and impulses of all rows, each (m,).
+    states : tuple of State
+        Before and after.
+    wrenches : ndarray, shape (n_j, 6)
+    time : float, s
+    """
+    modes, after, p = solved
+    parts, mean = len(layout.parts), 0.5 * (rows.u + after)
+    frames = np.array([rows.frame[k] if k < parts else np.zeros((3, 3)) for k in normals]).reshape(-1, 3, 3)
+    at = np.array([[layout.normals[k] + i if k < parts else layout.normals[k] for i in range(3)] for k in normals])
+    at = at.astype(np.int64).reshape(-1, 3)
+    energies = [kinetic_energy(layout.smooth, state) for state in states]
+    friction = [row for row in range(len(p)) if row not in layout.normals]
+    return Impact(
         time=time,
-        contacts=law.names,
+        contacts=tuple(layout.names[layout.normals[k]].split("'")[1] for k in normals),
         modes=modes,
-        directions=law.normal,
-        normal=N,
-        tangential=tangential,
-        velocity_before=law.before,
-        velocity_after=after,
+        directions=frames[:, 0],
+        normal=p[at[:, 0]],
+        tangential=np.einsum("ki,kij->kj", p[at[:, 1:]], frames[:, 1:]),
+        velocity_before=np.einsum("ki,kij->kj", rows.u[at], frames),
+        velocity_after=np.einsum("ki,kij->kj", after[at], frames),
         force_F=wrenches[:, :3],
         torque_F=wrenches[:, 3:],
-        before=state,
-        after=state_after,
-        energy_before=kinetic_energy(mechanism, state),
-        energy_after=kinetic_energy(mechanism, state_after),
-        restitution_loss=-float(N @ np.sum(mean * law.normal, axis=1)),
-        friction_loss=-float(np.sum(tangential * mean)),
+        before=states[0],
+        after=states[1],
+        energy_before=energies[0],
+        energy_after=energies[1],
+        restitution_loss=-float(p[at[:, 0]] @ mean[at[:, 0]]),
+        friction_loss=-float(p[friction] @ mean[friction]),
     )
-    _check_energy(record)
-    return record
 
 
 def velocity_scale(mechanism: Mechanism, state: State) -> float:
@@ -203,52 +259,3 @@ def _check_energy(record: Impact) -> None:
             f"impact of {', '.join(record.contacts)} at t = {record.time:.12g} s: it would create energy, "
             f"{-record.restitution_loss:.3g} J by restitution and {-record.friction_loss:.3g} J by friction"
         )
-
-
-class _Response:
-    """Response of the mechanism to contact impulses.
-
-    Attributes
-    ----------
-    load : ndarray, shape (6 n_b, 3 n_c)
-        ``L^-1 J^T``.
-    K : ndarray, shape (3 n_c, 6 n_b)
-        ``J L^-T P``.
-    """
-
-    def __init__(self, model: Model, Q: Array, J: Array) -> None:
-        n_b = len(model.mass)
-        self._inverse = np.zeros((6 * n_b, 6 * n_b))  # L^-1
-        for b in range(n_b):
-            o = 6 * b
-            self._inverse[o : o + 3, o : o + 3] = np.eye(3) / np.sqrt(model.mass[b])
-            self._inverse[o + 3 : o + 6, o + 3 : o + 6] = np.linalg.inv(model.inertia_factor[b])
-        self.load = self._inverse @ J.T
-        U, singular, Vt = np.linalg.svd(self._inverse @ Q.T, full_matrices=False)
-        rank = int(np.sum(singular > RANK_TOLERANCE * singular[0])) if len(Q) else 0
-        self._U, self._pseudo = U[:, :rank], Vt[:rank].T / singular[:rank]
-        K = self.load
-        for _ in range(2):  # the second pass removes rounding errors along the joints
-            K = K - self._U @ (self._U.T @ K)
-        self.K = K.T
-
-    def velocity_change(self, p: Array) -> Array:
-        """Return the change of (v, w') of all bodies, shape (6 n_b,)."""
-        return self._inverse.T @ (self.K.T @ p)
-
-    def multipliers(self, p: Array) -> Array:
-        """Return the impulses Lam of the joint rows, of least norm, shape (q,)."""
-        return -self._pseudo @ (self._U.T @ (self.load @ p))
-
-
-def _contact_rows(mechanism: Mechanism, y: Array, contacts: tuple[Contact, ...], motions: list[ContactMotion]) -> Array:
-    """Return J, from (v, w') of all bodies to relative velocities of the contact points, shape (3 n_c, 6 n_b)."""
-    J = np.zeros((3 * len(contacts), 6 * len(y)))
-    A = rotation_from_quaternion(y[:, 3:7])
-    for k, (contact, motion) in enumerate(zip(contacts, motions, strict=True)):
-        for body, point, sign in ((contact.body, motion.on_body, 1.0), (contact.partner, motion.on_partner, -1.0)):
-            b = mechanism.body_index[body]
-            if b >= 0:
-                J[3 * k : 3 * k + 3, 6 * b : 6 * b + 3] = sign * np.eye(3)
-                J[3 * k : 3 * k + 3, 6 * b + 3 : 6 * b + 6] = -sign * skew(point - y[b, 0:3]) @ A[b]
-    return J

@@ -1,6 +1,6 @@
 """Modes of closed contacts in an impact: equations of given modes, search for admissible modes.
 
-`consilience.reference.impacts.impact` tabulates the modes and their admissibility. For given modes the impact is one
+`consilience.reference.contact.impact` tabulates the modes and their admissibility. For given modes the impact is one
 linear system in the unknown impulses x, with ``p = S x`` and required velocities ``E u+ = c``:
 
     E G S x = c - E u-,     G = K K^T.

@@ -1,0 +1,96 @@
+"""Event functions of the modes of a motion with contacts, at any state (`events` lists them)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from consilience.mechanism import Array
+from consilience.reference.contact.equations import ContactEquations
+from consilience.reference.contact.events import ARMED, Watch, friction_margin
+from consilience.reference.contact.lasting import LastingContact, sliding_rates, widest_margin
+from consilience.reference.contact.stepper import Stepper
+
+_LEAST_FORCE = 1e-3
+"""Least scale of forces, over the weight of all bodies."""
+
+_RISING = 1e-11
+"""Rate of a gap from which it counts, over the speeds of the mechanism."""
+
+
+class EventFunctions:
+    """Event functions of the present modes.
+
+    Attributes
+    ----------
+    watches : list of Watch
+    armed : ndarray of bool, shape (n_w,)
+        Which have left zero.
+    """
+
+    def __init__(self, equations: ContactEquations, length: float) -> None:
+        self._equations, self._layout, self._length = equations, equations.layout, length
+        gravity = float(np.linalg.norm(equations.model.gravity))
+        self._weight = float(np.sum(equations.model.mass)) * max(gravity, length)
+        self.watches: list[Watch] = []
+        self.armed = np.zeros(0, dtype=bool)
+
+    def renew(self, found: LastingContact, stepper: Stepper, speed: float) -> None:
+        """List the event functions of modes that begin at the state of a stepper."""
+        layout, modes = self._layout, found.modes
+        scale = max(float(np.max(np.abs(found.force), initial=0.0)), _LEAST_FORCE * self._weight)
+        watches = [Watch("gap", n, self._length) for n, closed in enumerate(modes.closed) if not closed]
+        if found.undetermined:
+            watches.append(Watch("group", -1, scale))
+        else:
+            watches += [Watch("normal", n, scale) for n, closed in enumerate(modes.closed) if closed]
+        for j, mode in enumerate(modes.friction):
+            if mode is None:
+                continue
+            if len(mode.held) and not found.undetermined:
+                watches.append(Watch("margin", j, scale))
+            if len(mode.held) < len(layout.friction[j].rows):
+                watches.append(Watch("slip", j, speed))
+                if layout.friction[j].facets and not len(mode.held):
+                    watches.append(Watch("turn", j, speed))
+        self.watches = watches
+        values, rates = self.at(stepper.t, stepper.y, stepper)
+        self.armed = np.array([v > ARMED * w.scale for v, w in zip(values, watches, strict=True)], dtype=bool)
+        self.armed |= np.nan_to_num(rates) > _RISING * speed
+
+    def at(self, t: float, y: Array, stepper: Stepper) -> tuple[Array, Array]:
+        """Return the event functions, and their rates where known (else NaN), at a packed state near the last one."""
+        layout, modes, equations = self._layout, stepper.modes, self._equations
+        p = np.zeros(0)
+        if any(w.kind in ("normal", "margin", "group") for w in self.watches):
+            response = stepper.respond(t, y)
+            p = equations.forces(response, modes)
+        else:
+            equations.move(t, y, stepper.turns)
+        rows = equations.rows
+        values, rates = np.empty(len(self.watches)), np.full(len(self.watches), np.nan)
+        for w, watch in enumerate(self.watches):
+            k = watch.index
+            if watch.kind == "gap":
+                values[w], rates[w] = rows.gap[layout.gaps[k]], rows.u[layout.normals[k]]
+            elif watch.kind == "normal":
+                values[w] = p[layout.normals[k]]
+            elif watch.kind == "group":
+                values[w] = widest_margin(equations, response, modes, sliding_rates(equations, modes, 0.0))[0]
+            else:
+                values[w] = self._of_friction(watch.kind, k, stepper, p)
+        return values, rates
+
+    def _of_friction(self, kind: str, j: int, stepper: Stepper, p: Array) -> float:
+        one, mode, heading = self._layout.friction[j], stepper.modes.friction[j], stepper.modes.heading[j]
+        slip = self._equations.rows.u[list(one.rows)]
+        assert mode is not None
+        if kind == "margin":
+            return friction_margin(one, mode, p)
+        assert heading is not None
+        if kind == "slip":
+            return float(heading @ slip)
+        vertices = one.vertices
+        assert vertices is not None
+        at = int(np.argmax(vertices @ mode.drag))
+        beside = vertices[[at - 1, (at + 1) % len(vertices)]]
+        return float(np.min((vertices[at] - beside) @ -slip))

@@ -1,0 +1,170 @@
+"""Event functions of a motion with contacts, and their first zero within a step.
+
+========  ==============================================  =============================
+watch     function, positive while the mode lasts         event at its zero
+========  ==============================================  =============================
+gap       gap of an open normal                           impact, or closes
+normal    force N of a closed normal                      opens
+margin    ``mu_s N - |T|`` of what sticks                 slips
+group     the same where forces are undetermined: the     opens, or slips
+          widest margin of all normals and sticking
+          contacts
+slip      speed along the heading of what slides          sticks, or slides back
+turn      how far the heading is from the bisector of     slides along a facet
+          two vertices of a pyramid
+jam       determinant of the rows that slide, relative    Painleve's paradox
+          to that without friction
+========  ==============================================  =============================
+
+Functions are evaluated at equidistant times of a step, and at their lowest points between them. A function counts once
+it has left zero by `ARMED` of its scale: the event that has just happened does not happen again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from consilience.mechanism import Array
+from consilience.reference.contact.problem import FrictionMode, FrictionSet
+
+ARMED = 1e-9
+"""Value, over its scale, from which an event function counts."""
+
+PARTS = 6
+"""Parts of a step at whose ends event functions are evaluated."""
+
+
+@dataclass(frozen=True)
+class Watch:
+    """Event function of one normal or friction set.
+
+    Attributes
+    ----------
+    kind : str
+        See the module.
+    index : int
+        Of the normal, of the friction set, or -1.
+    scale : float
+        Value that counts as large.
+    """
+
+    kind: str
+    index: int
+    scale: float
+
+
+def friction_margin(one: FrictionSet, mode: FrictionMode, force: Array) -> float:
+    """Return how far the force of a friction set with held directions is from its bound, N (N m).
+
+    Parameters
+    ----------
+    one : FrictionSet
+    mode : FrictionMode
+        Sticking, or sliding along a facet.
+    force : ndarray, shape (m,)
+        Of all rows.
+    """
+    T, vertices = force[list(one.rows)], one.vertices
+    bound = one.offset + (0.0 if one.load is None else float(force[one.load]))
+    if mode.reach:
+        return mode.reach * bound - abs(float(mode.held[0] @ T))
+    if vertices is None or len(one.rows) == 1:
+        return one.static * bound - float(np.linalg.norm(T))
+    middles = 0.5 * (vertices + np.roll(vertices, -1, axis=0))
+    return float(np.min(one.static * bound - (middles / np.sum(middles**2, axis=1)[:, None]) @ T))
+
+
+Values = Callable[[float], tuple[Array, Array]]
+"""Values of all watches at a time within the last step, and their rates where known (else NaN), each (n_w,)."""
+
+
+def first_zero(values: Values, nodes: Array, armed: Array, watches: list[Watch]) -> tuple[float, int] | None:
+    """Return the time of the first zero of an armed event function from above, and its index; None if there is none.
+
+    Parameters
+    ----------
+    values : callable
+    nodes : ndarray, shape (n,), s
+        Equidistant times of the step, from its start to its end.
+    armed : ndarray of bool, shape (n_w,)
+        Which functions count at the first node; updated to the last one.
+    watches : list of Watch
+    """
+    if not watches:
+        return None
+    table, rates = (np.array(part) for part in zip(*(values(float(t)) for t in nodes), strict=True))
+    best: tuple[float, int] | None = None
+    for w, watch in enumerate(watches):
+        column = _Column(values, w, nodes, table[:, w], rates[:, w])
+        found, armed[w] = column.first_zero(bool(armed[w]), ARMED * watch.scale, dips=watch.kind != "jam")
+        if found is not None and (best is None or found < best[0]):
+            best = (found, w)
+    return best
+
+
+class _Column:
+    """One event function: its values and rates at the nodes."""
+
+    def __init__(self, values: Values, index: int, nodes: Array, value: Array, rate: Array) -> None:
+        self._values, self._index, self.nodes, self.value, self.rate = values, index, nodes, value, rate
+
+    def _at(self, t: float) -> float:
+        return float(self._values(t)[0][self._index])
+
+    def _rate_at(self, t: float) -> float:
+        return float(self._values(t)[1][self._index])
+
+    def first_zero(self, armed: bool, ready: float, dips: bool) -> tuple[float | None, bool]:
+        """Return the first zero, or None, and whether the function counts at the last node."""
+        value, nodes = self.value, self.nodes
+        for k in range(len(nodes) - 1):
+            armed = armed or bool(value[k] > ready) or bool(value[k] >= -ready and self.rate[k] > 0.0)
+            low = self._lowest(k) if armed and dips else None
+            if low is not None:
+                return self._root(nodes[k], low), True
+            top = self._highest(k) if value[k] <= 0.0 and armed else nodes[k]
+            if value[k + 1] < 0.0 and armed and (value[k] > 0.0 or top > nodes[k]):
+                return self._root(top, nodes[k + 1]), True
+            if value[k + 1] < -ready:  # a mode that has just begun cannot last
+                return float(nodes[k]), True
+        return None, armed or bool(value[-1] > ready)
+
+    def _turning(self, k: int) -> float:
+        """Return the time at which the rate changes sign in part k."""
+        return float(scipy.optimize.brentq(self._rate_at, self.nodes[k], self.nodes[k + 1], xtol=1e-15, rtol=1e-15))
+
+    def _highest(self, k: int) -> float:
+        """Return the time of the maximum in part k of a function that rises from zero, or the start of the part."""
+        rises = self.rate[k] > 0.0 > self.rate[k + 1]
+        return self._turning(k) if rises else float(self.nodes[k])
+
+    def _lowest(self, k: int) -> float | None:
+        """Return a time in part k at which the function is negative though it is not at its ends; None: nowhere."""
+        value, nodes = self.value, self.nodes
+        if value[k] <= 0.0 or value[k + 1] < 0.0:
+            return None
+        if np.isfinite(self.rate[k]):
+            if not self.rate[k] < 0.0 < self.rate[k + 1]:
+                return None
+            low = self._turning(k)
+        else:
+            if k == 0 or not value[k - 1] > value[k] <= value[k + 1]:
+                return None
+            slope, bend = 0.5 * (value[k + 1] - value[k - 1]), value[k + 1] - 2.0 * value[k] + value[k - 1]
+            if value[k] - 0.5 * slope**2 / bend > 0.1 * value[k]:
+                return None
+            bounds = (nodes[k - 1], nodes[k + 1])
+            low = float(scipy.optimize.minimize_scalar(self._at, bounds=bounds, method="bounded").x)
+        return low if self._at(low) < 0.0 else None
+
+    def _root(self, start: float, end: float) -> float:
+        """Return the zero between two times, positive at the first."""
+        if self._at(start) <= 0.0:
+            return float(start)
+        if self._at(end) >= 0.0:
+            return float(end)
+        return float(scipy.optimize.brentq(self._at, start, end, xtol=1e-15, rtol=1e-15))

@@ -1,0 +1,184 @@
+"""Modes of everything that touches at one instant: the contact problem of a state, decided, as modes of all rows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from consilience.errors import NumericalFailure
+from consilience.mechanism import Array
+from consilience.reference.contact.cones import sticking_margin
+from consilience.reference.contact.decision import ModeDecision, decide
+from consilience.reference.contact.equations import ContactEquations, Response, RowModes, open_modes
+from consilience.reference.contact.problem import ContactProblem, FrictionMode, Modes
+
+
+@dataclass(frozen=True, eq=False)
+class LastingContact:
+    """Modes, forces and accelerations of all rows at one instant.
+
+    Attributes
+    ----------
+    modes : RowModes
+    force, acceleration : ndarray, shape (m,)
+    decision : ModeDecision or None
+        Of the rows that touch; None where nothing does.
+    undetermined : bool
+        Whether the forces are not unique.
+    """
+
+    modes: RowModes
+    force: Array
+    acceleration: Array
+    decision: ModeDecision | None
+    undetermined: bool
+
+
+def decide_lasting(
+    equations: ContactEquations,
+    response: Response,
+    touching: Array,
+    sliding: Array,
+    previous: RowModes | None = None,
+    opened: frozenset[int] = frozenset(),
+    started: Mapping[int, Array] | None = None,
+) -> LastingContact:
+    """Decide the modes of all normals that touch and of all friction there.
+
+    Parameters
+    ----------
+    equations : ContactEquations
+    response : Response
+        At the state.
+    touching : ndarray of bool, shape (n_n,)
+        Normals of zero gap that neither approach nor part.
+    sliding : ndarray, shape (m,)
+        Rates of the rows of friction, exactly zero where nothing slides.
+    previous : RowModes, optional
+    opened : frozenset of int
+        Normals whose force has just vanished.
+    started : mapping of int to ndarray, optional
+        Friction sets that have just reached their bound, with the heading in which they start.
+
+    Raises
+    ------
+    NumericalFailure
+        No modes satisfy the laws, or several do.
+    """
+    problem, rows, sets = equations.problem(response, touching, sliding)
+    normals = np.flatnonzero(touching)
+    place, at = {int(j): k for k, j in enumerate(sets)}, {int(n): k for k, n in enumerate(normals)}
+    if not len(rows):
+        modes = open_modes(equations.layout)
+        zero = np.zeros(len(response.free))
+        return LastingContact(modes, zero, response.free, None, False)
+    decision = decide(
+        problem,
+        None if previous is None else _restricted(problem, previous, normals, sets),
+        frozenset(at[n] for n in opened if n in at),
+        {place[j]: heading for j, heading in (started or {}).items() if j in place},
+    )
+    force = np.zeros(len(response.free))
+    force[rows] = decision.force
+    acceleration = response.free + response.K @ (response.K.T @ force)
+    modes = _extended(equations, decision.modes, normals, sets, sliding)
+    return LastingContact(modes, force, acceleration, decision, bool(decision.undetermined.shape[1]))
+
+
+def _restricted(problem: ContactProblem, modes: RowModes, normals: Array, sets: Array) -> Modes:
+    """Return modes of all rows for the rows of a problem; what is new there has its natural mode."""
+    natural = problem.natural_modes()
+    friction = []
+    for k, j in enumerate(sets):
+        before, slides = modes.friction[j], bool(np.any(problem.slip(k)))
+        friction.append(natural.friction[k] if before is None or slides or not len(before.held) else before)
+    closed = np.array([bool(modes.closed[n]) for n in normals], dtype=bool)
+    return Modes(closed, tuple(friction))
+
+
+def _extended(equations: ContactEquations, modes: Modes, normals: Array, sets: Array, sliding: Array) -> RowModes:
+    """Return modes of the rows of a problem for all rows, with the headings of what slides."""
+    layout = equations.layout
+    closed = np.zeros(len(layout.normals), dtype=bool)
+    closed[normals] = modes.closed
+    friction: list[FrictionMode | None] = [None] * len(layout.friction)
+    heading: list[Array | None] = [None] * len(layout.friction)
+    for k, j in enumerate(sets):
+        one, mode = layout.friction[j], modes.friction[k]
+        if one.load is not None and not closed[layout.normals.index(one.load)]:
+            continue
+        friction[j] = mode
+        if len(mode.held) < len(one.rows):
+            slip = sliding[list(one.rows)]
+            along = slip if np.any(slip) else -mode.drag
+            size = float(np.linalg.norm(along))
+            heading[j] = along / size if size > 0.0 else np.eye(len(one.rows))[0]
+    return RowModes(closed, tuple(friction), tuple(heading))
+
+
+def require_unique(found: LastingContact, time: float) -> LastingContact:
+    """Refuse accelerations that the laws of contact do not determine.
+
+    Raises
+    ------
+    NumericalFailure
+    """
+    if found.decision is not None and found.decision.others:
+        raise NumericalFailure(
+            f"contact at t = {time:.12g} s: the laws of contact and friction allow several accelerations: "
+            "the motion is not unique from here on"
+        )
+    return found
+
+
+def problem_in_modes(
+    equations: ContactEquations, response: Response, modes: RowModes, sliding: Array
+) -> tuple[ContactProblem, Modes, Array, Array, Array]:
+    """Return the contact problem of closed normals, its modes, and its rows, normals and friction sets among all."""
+    problem, rows, sets = equations.problem(response, modes.closed, sliding)
+    normals = np.flatnonzero(modes.closed)
+    friction = []
+    for k, j in enumerate(sets):
+        mode, heading = modes.friction[j], modes.heading[j]
+        assert mode is not None
+        one = problem.friction[k]
+        if heading is not None and one.vertices is None:
+            slip = problem.slip(k)
+            mode = one.sliding(slip if np.any(slip) else heading)
+        friction.append(mode)
+    return problem, Modes(np.ones(len(normals), dtype=bool), tuple(friction)), rows, normals, sets
+
+
+def widest_margin(
+    equations: ContactEquations, response: Response, modes: RowModes, sliding: Array
+) -> tuple[float, int, int, Array]:
+    """Return the widest margin of undetermined forces, the normal and the friction set that bind, and the forces.
+
+    -1 for what does not bind.
+    """
+    problem, given, rows, normals, sets = problem_in_modes(equations, response, modes, sliding)
+    margin = sticking_margin(problem, given)
+    force = np.zeros(len(response.free))
+    force[rows] = margin.force
+    normal = int(normals[np.argmin(margin.of_normal)]) if len(normals) else -1
+    friction = int(sets[np.argmin(margin.of_friction)]) if len(sets) else -1
+    pulls = len(normals) and np.min(margin.of_normal) <= np.min(margin.of_friction, initial=np.inf)
+    return margin.value, normal if pulls else -1, -1 if pulls else friction, force
+
+
+def sliding_rates(equations: ContactEquations, modes: RowModes | None, least: float) -> Array:
+    """Return the rates of the rows, exactly zero where nothing slides: what was held, or is slower than `least`."""
+    u = equations.rows.u.copy()
+    for j, one in enumerate(equations.layout.friction):
+        at = list(one.rows)
+        mode = None if modes is None else modes.friction[j]
+        if mode is None:
+            if float(np.linalg.norm(u[at])) <= least:
+                u[at] = 0.0
+        elif len(mode.held) == len(at):
+            u[at] = 0.0
+        elif len(mode.held):
+            u[at] -= mode.held.T @ (mode.held @ u[at])
+    return u

@@ -1,0 +1,131 @@
+"""Record of a motion with contacts: samples of states, gaps, impulses, modes and losses; events between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from consilience.engine import EVENT_KINDS, TrajectoryAnswer
+from consilience.mechanism import Array, continuous_in_time
+from consilience.reference.bodies.arrays import unpack
+from consilience.reference.contact.equations import RowModes
+from consilience.reference.contact.layout import RowLayout
+from consilience.reference.contact.stepper import Stepper
+
+SEPARATED, SLIDING, STICKING = 0, 1, 2
+"""Modes of a site; of several parts one that slides decides."""
+
+
+@dataclass(frozen=True, eq=False)
+class ContactEvent:
+    """Event of a contact, stop or dry friction.
+
+    Attributes
+    ----------
+    time : float, s
+    kind : str
+        One of `EVENT_KINDS`.
+    site : int
+        Index into contacts, then stops, then dry frictions.
+    name : str
+        What it is, such as ``contact 'heel'``.
+    """
+
+    time: float
+    kind: str
+    site: int
+    name: str
+
+
+def site_modes(layout: RowLayout, modes: RowModes) -> Array:
+    """Return the mode of each site, shape (n_sites,): a contact of no friction slides, a stop sticks."""
+    found = np.full(len(layout.sites), SEPARATED)
+    parts = len(layout.parts)
+    held = np.zeros(len(layout.names), dtype=bool)
+    for one, mode in zip(layout.friction, modes.friction, strict=True):
+        if mode is not None and len(mode.held) == len(one.rows):
+            held[list(one.rows)] = True
+    for k, (n, closed) in enumerate(zip(layout.normals, modes.closed, strict=True)):
+        if closed:
+            sticks = k >= parts or bool(held[n + 1] and held[n + 2])
+            _mark(found, int(layout.site[n]), STICKING if sticks else SLIDING)
+    for one, dry, mode in zip(layout.friction, layout.dry, modes.friction, strict=True):
+        if dry is not None and mode is not None:
+            _mark(found, int(layout.site[one.rows[0]]), STICKING if len(mode.held) else SLIDING)
+    return found
+
+
+def _mark(found: Array, site: int, mode: int) -> None:
+    found[site] = mode if found[site] == SEPARATED else min(mode, found[site])
+
+
+class Samples:
+    """Samples and events of one motion.
+
+    Attributes
+    ----------
+    events : list of ContactEvent
+    """
+
+    def __init__(self, layout: RowLayout) -> None:
+        self._layout = layout
+        self.events: list[ContactEvent] = []
+        self._states: list[Array] = []
+        self._gaps: list[Array] = []
+        self._impulses: list[Array] = []
+        self._modes: list[Array] = []
+        self._losses: list[float] = []
+
+    def record(self, stepper: Stepper) -> None:
+        """Record the present state as a sample."""
+        layout = self._layout
+        contacts = len(layout.mechanism.contacts)
+        rows = stepper.equations.move(stepper.t, stepper.y, stepper.turns)
+        gaps = np.full(contacts, np.inf)
+        np.minimum.at(gaps, layout.site[3 * np.arange(len(layout.parts))], rows.gap[: len(layout.parts)])
+        self._states.append(stepper.y.copy())
+        self._gaps.append(gaps)
+        self._impulses.append(stepper.impulse.copy())
+        self._modes.append(site_modes(layout, stepper.modes)[:contacts])
+        self._losses.append(stepper.loss)
+
+    def add(self, time: float, kind: str, site: int) -> None:
+        """Add an event."""
+        self.events.append(ContactEvent(time, kind, site, self._layout.sites[site]))
+
+    def compare(self, time: float, before: RowModes, after: RowModes, hit: set[int]) -> None:
+        """Add the events that impacts of normals, and modes before and after, tell."""
+        layout = self._layout
+        struck = dict.fromkeys(int(layout.site[layout.normals[n]]) for n in sorted(hit))
+        for site in struck:
+            self.add(time, "impact", site)
+        for site, (old, new) in enumerate(zip(site_modes(layout, before), site_modes(layout, after), strict=True)):
+            if old == new or (site in struck and old == SEPARATED):
+                continue
+            kind = {SEPARATED: "opens", SLIDING: "slips", STICKING: "sticks"}[int(new)]
+            self.add(time, "closes" if old == SEPARATED else kind, site)
+
+    def in_order(self) -> list[ContactEvent]:
+        """Return the events in order of time: the end of bounces is known before it comes."""
+        return sorted(self.events, key=lambda event: event.time)
+
+    def answer(self, times: Array, counters: dict[str, int | float]) -> TrajectoryAnswer:
+        """Return the answer of all samples."""
+        p, quat, v, w = unpack(self._layout.smooth, np.array(self._states))
+        events = self.in_order()
+        return TrajectoryAnswer(
+            times,
+            p,
+            continuous_in_time(quat),
+            v,
+            w,
+            counters,
+            contact_gap=np.array(self._gaps),
+            contact_impulse=np.diff(np.array(self._impulses), axis=0, prepend=np.array(self._impulses)[:1]),
+            contact_mode=np.array(self._modes),
+            contact_loss=np.array(self._losses),
+            event_time=np.array([event.time for event in events]),
+            event_contact=np.array([event.site for event in events], dtype=np.int64),
+            event_kind=np.array([EVENT_KINDS.index(event.kind) for event in events], dtype=np.int64),
+        )

@@ -1,0 +1,340 @@
+"""Motion with contacts, friction and stops, from event to event.
+
+Between events the modes of all contacts are fixed, and the motion is smooth (`stepper`). In each step the first zero of
+an event function is sought (`events`); the root is then refined by steps that *end* at the instant, with the error of
+the integrator instead of that of the interpolant. There:
+
+- what approaches with a closed gap has an impact (`impact`), together with all that touches then, until nothing
+  approaches any more;
+- the modes of all that touches are decided anew (`lasting`). The event itself has a consequence: a contact whose force
+  vanished opens, one at the boundary of its cone starts to slide against its force, one whose slip vanished has none.
+
+Bounces that accumulate end by the rule of `bounces`; contacts that accumulate in another way close below `_CRAWL` of
+the speeds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from consilience.engine import TrajectoryAnswer
+from consilience.errors import InvalidInput, NumericalFailure
+from consilience.mechanism import Array, Contact, Mechanism, State, characteristic_length
+from consilience.reference.bodies.canonical import sample_times
+from consilience.reference.contact.bounces import Bounces
+from consilience.reference.contact.equations import ContactEquations, RowModes, direction, open_modes
+from consilience.reference.contact.event_functions import EventFunctions
+from consilience.reference.contact.events import PARTS, Watch, first_zero
+from consilience.reference.contact.geometry import check_contacts
+from consilience.reference.contact.impact import Impact, apply_impact
+from consilience.reference.contact.lasting import decide_lasting, require_unique, sliding_rates, widest_margin
+from consilience.reference.contact.layout import layout_of
+from consilience.reference.contact.samples import ContactEvent, Samples
+from consilience.reference.contact.stepper import Stepper
+
+TOUCHING = 1e-10
+"""Largest gap of a closed contact, over the length of the mechanism."""
+
+GRAZING = 1e-13
+"""Largest overlap without impact, over the length of the mechanism."""
+
+_STILL = 1e-11  # rates that count as zero, over the speeds of the mechanism
+_SLOW = 1e-3  # slip below which the direction of friction is stiff, over the same
+_SEED = 1e-11  # slip with which a contact starts to slide in a plane, over the same
+_HELD = 1e-12  # slip below which the direction of friction does not follow it, over the same
+_STOPPED = 1e-9  # slip across the heading with which a contact stops, over the same
+_CHAIN = 1000  # impacts at one instant
+_CRAWL = 1e-8
+
+
+def simulate_with_contacts(
+    mechanism: Mechanism, state: State, times: Array, tolerance: float = 1e-12
+) -> tuple[TrajectoryAnswer, tuple[ContactEvent, ...]]:
+    """Integrate the motion of a mechanism with its contacts, stops and dry frictions.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    state : State
+        Consistent state at ``times[0]``, no contact overlapping; contacts may be closed.
+    times : ndarray, shape (n_t,), s
+        Increasing sample times; at the instant of an impact the sample has the velocities after it.
+    tolerance : float
+        Bound on the scaled local error of a step, 1e-13 to 1e-3.
+
+    Returns
+    -------
+    TrajectoryAnswer
+        With contact gaps, impulses, modes, losses and events, and the counters ``steps``, ``evaluations``, ``impacts``.
+    tuple of ContactEvent
+        In order of time.
+
+    Raises
+    ------
+    InvalidInput
+        Tolerance out of range, times that do not increase, a contact that overlaps at the start.
+    NumericalFailure
+        The laws of contact have no solution or several (Painleve), or the integration fails.
+    """
+    run = _ContactSimulation(mechanism, state, times, tolerance)
+    answer = run.integrate()
+    return answer, tuple(run.samples.in_order())
+
+
+def simulate_with_impacts(
+    mechanism: Mechanism, state: State, times: Array, contacts: tuple[Contact, ...], tolerance: float = 1e-12
+) -> tuple[TrajectoryAnswer, tuple[Impact, ...]]:
+    """Integrate as `simulate_with_contacts`, with these contacts in place of the mechanism's; return the impacts."""
+    check_contacts(mechanism, contacts)
+    run = _ContactSimulation(replace(mechanism, contacts=contacts), state, times, tolerance)
+    return run.integrate(), tuple(run.impacts)
+
+
+class _ContactSimulation:
+    """One simulation with contacts."""
+
+    def __init__(self, mechanism: Mechanism, state: State, times: Array, tolerance: float) -> None:
+        if not 1e-13 <= tolerance <= 1e-3:
+            raise InvalidInput("tolerance", f"{tolerance} is out of range", "Choose 1e-13 to 1e-3.")
+        self.times = sample_times(times)
+        self.layout = layout_of(mechanism)
+        self.equations = ContactEquations(self.layout)
+        self.stepper = Stepper(self.equations, state, float(self.times[0]), tolerance, open_modes(self.layout))
+        self.samples = Samples(self.layout)
+        self.impacts: list[Impact] = []
+        radii = [part.radius for part in self.layout.parts if hasattr(part, "radius")]
+        self.length = max([characteristic_length(mechanism), *radii])
+        gravity = float(np.linalg.norm(mechanism.gravity))
+        self.speed = max(float(np.sqrt(gravity * self.length)), 1e-6 * self.length)
+        self.equations.held = _HELD * self.speed
+        self.bounces = Bounces(self.layout, self.length)
+        self.functions = EventFunctions(self.equations, self.length)
+
+    def integrate(self) -> TrajectoryAnswer:
+        """Integrate from sample to sample."""
+        self._refuse_overlap()
+        self._settle(frozenset(), {}, frozenset(), first=True)
+        for sample in self.times:
+            while self.stepper.t < sample:
+                self._advance(float(sample))
+            self.samples.record(self.stepper)
+        counters: dict[str, int | float] = {**self.stepper.counters, "impacts": len(self.impacts)}
+        return self.samples.answer(self.times, counters)
+
+    def _refuse_overlap(self) -> None:
+        rows = self.equations.move(self.stepper.t, self.stepper.y, self.stepper.turns)
+        gaps = rows.gap[self.layout.gaps]
+        if len(gaps) and np.min(gaps) < -TOUCHING * self.length:
+            worst = int(np.argmin(gaps))
+            name = self.layout.names[self.layout.normals[worst]]
+            if worst >= len(self.layout.parts):
+                raise InvalidInput(name, f"the joint is {-gaps[worst]:.6g} beyond it at the start", "Start within it.")
+            part = self.layout.parts[worst]
+            raise InvalidInput(
+                name,
+                f"'{part.body}' and '{part.partner}' overlap by {-gaps[worst]:.6g} m at the start",
+                "Start with the shapes apart, or just touching.",
+            )
+
+    # ------------------------------------------------------------------------------------------------------- steps
+
+    def _advance(self, bound: float) -> None:
+        """Take one step, to its first event if there is one."""
+        stepper = self.stepper
+        self._turn_headings()
+        stepper.advance(bound)
+        self.speed = self._speeds()
+        nodes = np.linspace(stepper.started, stepper.t, PARTS + 1)
+        armed = self.functions.armed.copy()
+        found = first_zero(self._values, nodes, self.functions.armed, self.functions.watches)
+        if found is None:
+            self._slow_slip()
+            return
+        t, w = found
+        watch = self.functions.watches[w]
+        if watch.kind == "slip" and not self._stops(t, watch):
+            stepper.go_back_to(stepper.started + 0.5 * (t - stepper.started))
+            self.functions.armed = armed
+            return
+        self._end_at(t, w)
+        self._happens(watch)
+
+    def _turn_headings(self) -> None:
+        """Let the headings of what slides follow the velocities."""
+        modes, heading = self.stepper.modes, list(self.stepper.modes.heading)
+        if all(h is None for h in heading):
+            return
+        rows = self.equations.move(self.stepper.t, self.stepper.y, self.stepper.turns)
+        for j, h in enumerate(heading):
+            if h is not None and len(h) == 2 and self.layout.friction[j].facets == 0:
+                slip = rows.u[list(self.layout.friction[j].rows)]
+                if float(np.linalg.norm(slip)) > _STILL * self.speed:
+                    heading[j] = direction(slip, h, self.equations.held)
+        self.stepper.modes = replace(modes, heading=tuple(heading))
+
+    def _stops(self, t: float, watch: Watch) -> bool:
+        """Return whether the slip of a friction set vanishes at t, rather than turns away from its heading."""
+        self.equations.move(t, self.stepper.between(t), self.stepper.turns)
+        slip = self.equations.rows.u[list(self.layout.friction[watch.index].rows)]
+        return len(slip) == 1 or bool(np.linalg.norm(slip) <= _STOPPED * watch.scale)
+
+    def _slow_slip(self) -> None:
+        """Leave the implicit method once every slip is fast; stop what has slipped to a halt along a curve."""
+        if self.stepper.method == "stiff":
+            slow = [s for _, s in self._slips() if s < _SLOW * self.speed]
+            if not slow:
+                self.stepper.change_modes(self.stepper.modes)
+            return
+        response = None
+        for j, slip in self._slips():
+            if slip < _STOPPED * self.speed:
+                rows = list(self.layout.friction[j].rows)
+                if response is None:
+                    response = self.stepper.respond(self.stepper.t, self.stepper.y)
+                    force = self.equations.forces(response, self.stepper.modes)
+                    a = response.free + response.K @ (response.K.T @ force)
+                if float(self.equations.rows.u[rows] @ a[rows]) < 0.0:
+                    self._settle(frozenset(), {}, frozenset([j]))
+                    return
+
+    def _slips(self) -> list[tuple[int, float]]:
+        """Return the friction sets that slide in a plane on a disc, with their speeds."""
+        if not any(h is not None and len(h) == 2 for h in self.stepper.modes.heading):
+            return []
+        rows = self.equations.move(self.stepper.t, self.stepper.y, self.stepper.turns)
+        return [
+            (j, float(np.linalg.norm(rows.u[list(one.rows)])))
+            for j, (one, h) in enumerate(zip(self.layout.friction, self.stepper.modes.heading, strict=True))
+            if h is not None and len(h) == 2 and one.facets == 0
+        ]
+
+    def _end_at(self, t: float, w: int) -> None:
+        """End the last step at the zero of an event function near t."""
+        start, end = self.stepper.started, self.stepper.t
+        delta = 1e-4 * (end - start)
+        ahead, behind = min(t + delta, end), max(t - delta, start)
+        rates = self._values(t)[1]
+        rate = float(rates[w])
+        if not np.isfinite(rate):
+            rate = float((self._values(ahead)[0][w] - self._values(behind)[0][w]) / (ahead - behind))
+        for _ in range(4):
+            self.stepper.go_back_to(t)
+            value = float(self.functions.at(self.stepper.t, self.stepper.y, self.stepper)[0][w])
+            if rate >= 0.0 or abs(value) <= 1e-16 * self.functions.watches[w].scale:
+                break
+            better = min(max(t - value / rate, start), end)
+            if abs(better - t) <= 4e-16 * max(1.0, abs(t)):
+                break
+            t = better
+
+    # ------------------------------------------------------------------------------------------------------ events
+
+    def _values(self, t: float) -> tuple[Array, Array]:
+        """Return the event functions at a time within the last step."""
+        return self.functions.at(t, self.stepper.between(t), self.stepper)
+
+    def _happens(self, watch: Watch) -> None:
+        """Draw the consequence of an event, and settle."""
+        opened: set[int] = set()
+        started: dict[int, Array] = {}
+        stopped: set[int] = set()
+        modes = self.stepper.modes
+        if watch.kind == "slip":
+            stopped.add(watch.index)
+        elif watch.kind != "gap":
+            response = self.stepper.respond(self.stepper.t, self.stepper.y)
+            force, normal, friction = self.equations.forces(response, modes), watch.index, watch.index
+            if watch.kind == "group":
+                sliding = sliding_rates(self.equations, modes, 0.0)
+                _, normal, friction, force = widest_margin(self.equations, response, modes, sliding)
+            if watch.kind == "normal" or (watch.kind == "group" and normal >= 0):
+                opened.add(normal)
+            else:
+                started[friction] = -force[list(self.layout.friction[friction].rows)]
+        self._settle(frozenset(opened), started, frozenset(stopped))
+
+    def _settle(
+        self, opened: frozenset[int], started: dict[int, Array], stopped: frozenset[int], first: bool = False
+    ) -> None:
+        """Apply impacts, decide the modes of all that touches, and continue in them."""
+        before = self.stepper.modes
+        hit = self._hit()
+        response = self.stepper.respond(self.stepper.t, self.stepper.y)
+        rows = self.equations.rows
+        still = _STILL * self._speeds()
+        gap, rate = rows.gap[self.layout.gaps], rows.u[list(self.layout.normals)]
+        touching = (gap <= TOUCHING * self.length) & (np.abs(rate) <= still)
+        if not hit:
+            touching |= before.closed
+        sliding = sliding_rates(self.equations, None if hit or first else before, still)
+        for j, one in enumerate(self.layout.friction if stopped else ()):
+            at = list(one.rows)  # what moves as one stops as one
+            if j in stopped or float(np.linalg.norm(sliding[at])) <= _STOPPED * self.speed:
+                sliding[at] = 0.0
+        found = require_unique(
+            decide_lasting(
+                self.equations, response, touching, sliding, None if hit or first else before, opened, started
+            ),
+            self.stepper.t,
+        )
+        method = "stiff" if any(self._starts(found.modes, j) for j in started) else "explicit"
+        self.stepper.change_modes(found.modes, method)
+        if method == "stiff":
+            self._seed(found.modes, set(started))
+        if not first:
+            self.samples.compare(self.stepper.t, before, found.modes, hit)
+        self.functions.renew(found, self.stepper, self.speed)
+        self.bounces.note(found)
+
+    def _starts(self, modes: RowModes, j: int) -> bool:
+        heading = modes.heading[j]
+        return heading is not None and len(heading) == 2 and self.layout.friction[j].facets == 0
+
+    def _seed(self, modes: RowModes, started: set[int]) -> None:
+        """Give what starts to slide in a plane a speed along its heading, so that the heading exists."""
+        for j in started:
+            if self._starts(modes, j):
+                self.stepper.nudge(list(self.layout.friction[j].rows), _SEED * self.speed * modes.heading[j])
+
+    def _speeds(self) -> float:
+        """Return the speed of the fastest body, or that of falling by the length of the mechanism."""
+        y = self.stepper.y[: len(self.equations.model.mass)]
+        return max(self.speed, float(np.max(np.abs(y[:, 7:10]))), self.length * float(np.max(np.abs(y[:, 10:13]))))
+
+    # ----------------------------------------------------------------------------------------------------- impacts
+
+    def _hit(self) -> set[int]:
+        """Apply impacts at this instant until nothing approaches; return the normals that had one."""
+        stepper, hit = self.stepper, set[int]()
+        for _ in range(_CHAIN):
+            response = stepper.respond(stepper.t, stepper.y)
+            rows, still = self.equations.rows, _STILL * self._speeds()
+            gap, rate = rows.gap[self.layout.gaps], rows.u[list(self.layout.normals)]
+            touching = gap <= TOUCHING * self.length
+            strikes = touching & (rate < -still) & (gap <= GRAZING * self.length)
+            if not np.any(strikes):
+                return hit
+            taking = touching & (rate <= still)
+            restitution = self.layout.restitution.copy()
+            for n in np.flatnonzero(taking & (rate < 0.0)):
+                restitution[n] = self._restitution(int(n), -float(rate[n]))
+            record, velocity, forces = apply_impact(self.equations, response, stepper, taking, restitution, still)
+            self.impacts.append(record)
+            hit |= set(np.flatnonzero(strikes).tolist())
+            for n in np.flatnonzero(strikes):
+                self.bounces.add(int(n), -float(rate[n]))
+            loss = record.energy_before - record.energy_after
+            stepper.place(velocity, stepper.contact_forces(forces), loss)
+        raise NumericalFailure(f"{_CHAIN} impacts at the instant t = {stepper.t:.12g} s: velocities do not settle")
+
+    def _restitution(self, n: int, speed: float) -> float:
+        """Return the restitution of an impact of normal n: zero for its last."""
+        if speed < _CRAWL * self.speed:
+            return 0.0
+        rest = self.bounces.last(n, speed)
+        if rest is None:
+            return float(self.layout.restitution[n])
+        self.samples.add(self.stepper.t + rest, "bounces end", int(self.layout.site[self.layout.normals[n]]))
+        return 0.0

@@ -1,0 +1,265 @@
+"""Integration between events, step by step, with dense output; projection of states onto what lasts.
+
+Steps are those of SciPy's Dormand-Prince 8(5,3); of its Radau IIA while a contact slides so slowly that the direction
+of its friction adapts faster than anything else moves (the equation is stiff there: the decay rate of the velocity
+across the heading is ``mu N / (m |u_t|)``). After each step positions and velocities are projected, in the mass metric,
+onto the joints, the gaps of closed contacts and the rates of sticking ones. Impulses of contacts and the energy that
+they lose are integrated along.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import scipy
+
+from consilience.errors import NumericalFailure
+from consilience.mechanism import RANK_TOLERANCE, Array, State
+from consilience.reference.bodies.arrays import pack, unpack, workspace
+from consilience.reference.bodies.forces import control_errors, count_turns
+from consilience.reference.bodies.projection import normalise
+from consilience.reference.contact.equations import ContactEquations, Response, RowModes
+
+_METHODS = {"explicit": scipy.integrate.DOP853, "stiff": scipy.integrate.Radau}
+
+
+class Stepper:
+    """Integrator of the motion between events.
+
+    Attributes
+    ----------
+    t, started : float, s
+        End and start of the last step.
+    modes : RowModes
+    method : str
+        ``explicit`` or ``stiff``.
+    counters : dict of str to int
+        Accepted steps and evaluations of the derivative.
+    """
+
+    def __init__(self, equations: ContactEquations, state: State, t: float, tolerance: float, modes: RowModes) -> None:
+        self.equations, self.modes, self.method = equations, modes, "explicit"
+        self._layout, self._model = equations.layout, equations.model
+        self._tolerance = tolerance
+        self._ws = workspace(self._model)
+        self._turns = np.zeros(len(self._model.coordinate))
+        self.counters = {"steps": 0, "evaluations": 0}
+        y = pack(self._layout.smooth, state)
+        self._shape, self._count = y.shape, y.size
+        length, bodies = self._model.length, len(self._model.mass)
+        contacts = len(self._layout.mechanism.contacts)
+        weight = float(np.sum(self._model.mass)) * max(float(np.linalg.norm(self._model.gravity)), length)
+        sizes = np.tile(np.repeat([length, 1.0, length, 1.0], [3, 4, 3, 3]), self._shape[0])
+        extra = np.append(np.full(3 * contacts, weight), weight * length)
+        self._absolute = tolerance * np.concatenate([sizes, extra])
+        self._Y = np.concatenate([y.ravel(), np.zeros(3 * contacts + 1)])
+        self._bodies, self.t, self.started = bodies, t, t
+        self._h: float | None = None
+        count_turns(self._model, self.y, self._ws, self._turns)
+        self._restart()
+
+    def _restart(self) -> None:
+        self._before = (self.t, self._Y.copy(), self._turns.copy())
+        self._solver: Any = None
+
+    # ------------------------------------------------------------------------------------------------------ states
+
+    @property
+    def y(self) -> Array:
+        """Packed state at the time t, a view."""
+        return self._Y[: self._count].reshape(self._shape)
+
+    @property
+    def turns(self) -> Array:
+        """Joint coordinates that are read, full turns counted, at the time t."""
+        return self._turns
+
+    @property
+    def impulse(self) -> Array:
+        """Impulses of the contacts on their bodies since the start, shape (n_c, 3), N s; a view."""
+        return self._Y[self._count : -1].reshape(-1, 3)
+
+    @property
+    def loss(self) -> float:
+        """Energy lost since the start, J."""
+        return float(self._Y[-1])
+
+    def state(self) -> State:
+        """Return the state at the time t."""
+        return State(*unpack(self._layout.smooth, self.y))
+
+    def between(self, t: float) -> Array:
+        """Return a packed state within the last step by the interpolant."""
+        y = np.array(self._dense(t))[: self._count].reshape(self._shape)
+        normalise(y, self._bodies)
+        return y
+
+    def place(self, velocity: Array, impulse: Array, loss: float) -> None:
+        """Continue with other velocities (v, w'), shape (6 n_b,), and what an impact adds to impulses and loss."""
+        self._Y = self._Y.copy()
+        self.y[: self._bodies, 7:13] = velocity.reshape(-1, 6)
+        self.impulse[...] += impulse
+        self._Y[-1] += loss
+        self._restart()
+
+    def nudge(self, rows: list[int], rate: Array) -> None:
+        """Give rows other rates by a change of the velocities of least M-norm that keeps joints and held rows."""
+        self._Y = self._Y.copy()
+        held, motion = self._held_rows(), self.equations.move(self.t, self.y, self._turns)
+        Q = self.equations.joint_rows(self.t, self.y, self._turns)[0]
+        both = np.vstack([Q, held, motion.J[rows]])
+        wanted = np.concatenate([np.zeros(len(Q) + len(held)), rate - motion.u[rows]])
+        self.y[: self._bodies, 7:13] += _least(self.equations.inverse, both, wanted)[0].reshape(-1, 6)
+        self._restart()
+
+    def change_modes(self, modes: RowModes, method: str = "explicit") -> None:
+        """Continue in other modes, from the state projected onto what lasts in them."""
+        if method != self.method:
+            self._h = None
+        self.modes, self.method = modes, method
+        self._Y = self._Y.copy()
+        self._project()
+        self._restart()
+
+    # ------------------------------------------------------------------------------------------------------ steps
+
+    def respond(self, t: float, y: Array) -> Response:
+        """Evaluate rows and responses at a packed state near the last one."""
+        return self.equations.respond(t, y, self._turns)
+
+    def _derivative(self, t: float, Y: Array) -> Array:
+        """Return ``dY/dt``."""
+        y = np.ascontiguousarray(Y[: self._count]).reshape(self._shape)
+        response = self.respond(float(t), y)
+        force = self.equations.forces(response, self.modes)
+        rates = np.zeros_like(Y)
+        dy = rates[: self._count].reshape(self._shape)
+        if len(self._model.control):
+            control_errors(self._model, float(t), y, self._turns, self.equations._ws, dy)
+        self._rates(y, self.equations.accelerations(response, force), dy)
+        rates[self._count : -1] = self.contact_forces(force).ravel()
+        rates[-1] = -float(force @ self.equations.rows.u)
+        self.counters["evaluations"] += 1
+        return rates
+
+    def _rates(self, y: Array, a: Array, dy: Array) -> None:
+        """Write velocities, ``p' = 1/2 G^T w'`` and accelerations into dy."""
+        n = self._bodies
+        e, w = y[:n, 3:7], y[:n, 10:13]
+        dy[:n, 0:3] = y[:n, 7:10]
+        dy[:n, 3] = -0.5 * np.sum(e[:, 1:] * w, axis=1)
+        dy[:n, 4:7] = 0.5 * (e[:, :1] * w + np.cross(e[:, 1:], w))
+        dy[:n, 7:13] = a.reshape(-1, 6)
+
+    def contact_forces(self, force: Array) -> Array:
+        """Return the forces of the declared contacts from those on all rows, world axes, shape (n_c, 3)."""
+        layout = self._layout
+        found = np.zeros((len(layout.mechanism.contacts), 3))
+        for k in range(len(layout.parts)):
+            found[layout.site[3 * k]] += force[3 * k : 3 * k + 3] @ self.equations.rows.frame[k]
+        return found
+
+    def advance(self, bound: float) -> None:
+        """Take one accepted step, at most to the time `bound`.
+
+        Raises
+        ------
+        NumericalFailure
+            If the step size falls below the resolution of the time.
+        """
+        if self._solver is None or self._solver.t_bound != bound:
+            first = None if self._h is None else min(self._h, bound - self.t)
+            method = _METHODS[self.method]
+            tolerance = self._tolerance if self.method == "explicit" else max(0.1 * self._tolerance, 3e-14)
+            self._solver = method(
+                self._derivative,
+                self.t,
+                self._Y,
+                bound,
+                rtol=tolerance,
+                atol=self._absolute * (tolerance / self._tolerance),
+                first_step=first,
+            )
+        solver = self._solver
+        self._before = (self.t, self._Y, self._turns.copy())
+        planned = solver.h_abs
+        message = solver.step()
+        if solver.status == "failed":
+            raise NumericalFailure(f"reference with contacts, t = {solver.t:.12g} s: {message}")
+        self.started, self.t = self._before[0], float(solver.t)
+        self._Y = solver.y.copy()
+        self._project()
+        solver.y = self._Y
+        if self.method == "explicit":
+            solver.f = self._derivative(solver.t, solver.y)
+        self._h = max(solver.h_abs, planned) if solver.status == "finished" else solver.h_abs
+        self._dense = solver.dense_output()
+        self.counters["steps"] += 1
+
+    def go_back_to(self, t: float) -> None:
+        """Repeat the last step so that it ends at t, between its start and its end."""
+        start, Y, turns = self._before
+        self.t, self._Y, self._turns, self._solver = start, Y.copy(), turns.copy(), None
+        planned, self._h = self._h, t - start
+        while self.t < t:
+            self.advance(t)
+        self._before, self.started, self._solver, self._h = (start, Y, turns), start, None, planned
+
+    # ------------------------------------------------------------------------------------------------- projection
+
+    def _project(self) -> None:
+        """Project the state at t onto the joints, closed gaps and sticking rows, in the mass metric."""
+        y, inverse, n = self.y, self.equations.inverse, self._bodies
+        normalise(y, n)
+        closed = np.flatnonzero(self.modes.closed)
+        normals = np.array(self._layout.normals, dtype=np.int64)[closed]
+        if len(self._ws.Q) or len(closed) or any(mode is not None for mode in self.modes.friction):
+            for _ in range(4):
+                Q, value, _ = self.equations.joint_rows(self.t, y, self._turns)
+                holonomic = len(value) - 2 * len(self._model.rolling) - len(self._model.skate)
+                rows = self.equations.move(self.t, y, self._turns)
+                left = np.concatenate([value[:holonomic], rows.gap[self._layout.gaps[closed]]])
+                if not len(left) or np.max(np.abs(left)) <= 2e-16 * max(1.0, self._model.length):
+                    break
+                step = _least(inverse, np.vstack([Q[:holonomic], rows.J[normals]]), -left)[0]
+                _move(y, step.reshape(-1, 6))
+            self._project_velocity(y)
+        count_turns(self._model, y, self._ws, self._turns)
+
+    def _held_rows(self) -> Array:
+        """Return the rows of closed normals and of held friction at the last evaluated state."""
+        J = self.equations.rows.J
+        held = [J[[n for n, closed in zip(self._layout.normals, self.modes.closed, strict=True) if closed]]]
+        for one, mode in zip(self._layout.friction, self.modes.friction, strict=True):
+            if mode is not None and len(mode.held):
+                held.append(mode.held @ J[list(one.rows)])
+        return np.vstack(held)
+
+    def _project_velocity(self, y: Array) -> None:
+        Q, _, rate = self.equations.joint_rows(self.t, y, self._turns)
+        self.equations.move(self.t, y, self._turns)
+        if len(Q):
+            self.equations.rank = _least(self.equations.inverse, Q, np.zeros(len(Q)))[1]
+        held = self._held_rows()
+        both, v = np.vstack([Q, held]), y[: self._bodies, 7:13].ravel()
+        wanted = np.concatenate([rate, np.zeros(len(held))]) - both @ v
+        y[: self._bodies, 7:13] += _least(self.equations.inverse, both, wanted)[0].reshape(-1, 6)
+
+
+def _least(inverse: Array, rows: Array, wanted: Array) -> tuple[Array, int]:
+    """Return the change of least M-norm with ``rows x = wanted``, and the rank of the rows."""
+    U, singular, Vt = np.linalg.svd(inverse @ rows.T, full_matrices=False)
+    rank = int(np.sum(singular > RANK_TOLERANCE * singular[0])) if len(singular) else 0
+    along = (Vt[:rank] @ wanted) / singular[:rank]
+    return inverse.T @ (U[:, :rank] @ along), rank
+
+
+def _move(y: Array, step: Array) -> None:
+    """Move all bodies by small steps (displacement, rotation vector in body axes), shape (n_b, 6)."""
+    n = len(step)
+    y[:n, 0:3] += step[:, :3]
+    h, e = 0.5 * step[:, 3:], y[:n, 3:7].copy()
+    y[:n, 3] -= np.sum(e[:, 1:] * h, axis=1)
+    y[:n, 4:7] += e[:, :1] * h + np.cross(e[:, 1:], h)
+    normalise(y, n)
