@@ -45,7 +45,7 @@ def test_model_agrees_or_is_refused(engine, name):
         assert comparison.verdict is Verdict.AGREES, comparison.why
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", [name for name, case in CASES.items() if case.group != "contact"])
 def test_instant_agrees_or_is_refused_or_differs_for_a_known_reason(engine, engine_name, name):
     case = CASES[name]
     if refused(engine, case, Question.INSTANT):
@@ -62,10 +62,11 @@ def test_instant_agrees_or_is_refused_or_differs_for_a_known_reason(engine, engi
 
 
 def test_engines_represent_most_of_the_library(engine, engine_name):
-    """Each engine represents the share of the library that is required of all engines together."""
+    """Each engine represents the share of the library that is required of all engines together, contact apart."""
+    smooth = [case for case in CASES.values() if "contact" not in case.tags]
     counts = {
-        question: sum(not refused(engine, case, question) for case in CASES.values())
+        question: sum(not refused(engine, case, question) for case in smooth)
         for question in (Question.INSTANT, Question.TRAJECTORY)
     }
-    assert counts[Question.INSTANT] >= 0.85 * len(CASES), counts
-    assert counts[Question.TRAJECTORY] >= 0.80 * len(CASES), counts
+    assert counts[Question.INSTANT] >= 0.85 * len(smooth), counts
+    assert counts[Question.TRAJECTORY] >= 0.80 * len(smooth), counts

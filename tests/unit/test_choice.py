@@ -23,7 +23,7 @@ def ran():
 
 @pytest.mark.parametrize(
     ("tags", "name"),
-    [(["loop", "stiff"], "stiff"), (["loop", "impact"], "contact"), (["loop"], "loop"), (["chain"], "tree")],
+    [(["loop", "stiff"], "stiff"), (["loop", "contact"], "contact"), (["loop"], "loop"), (["chain"], "tree")],
 )
 def test_a_case_has_the_first_class_of_its_tags(tags, name):
     assert class_of({"tags": tags}) == name

@@ -16,7 +16,7 @@ from consilience.report.record import Record
 from consilience.report.selection import is_matched
 from consilience.report.wording import DASH, anchor, digits_text, number
 
-CLASSES = (("contact", "impact"), ("stiff", "stiff"), ("loop", "loop"), ("tree", ""))
+CLASSES = (("contact", "contact"), ("stiff", "stiff"), ("loop", "loop"), ("tree", ""))
 """Classes of mechanisms, and the tag of their cases; the first that holds, and `tree` without any."""
 
 
