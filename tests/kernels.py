@@ -15,7 +15,7 @@ from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
 
-TYPES = ("loop_universal", "forced_chain", "long_chain", "four_bar", "branched")
+TYPES = ("loop_universal", "forced_chain", "long_chain", "four_bar", "single_revolute")
 """Mechanisms whose kernels in relative coordinates differ in type, slowest to compile first.
 
 In space with loops, with elements, as a plain tree; in a plane with loops and without.

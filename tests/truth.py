@@ -6,6 +6,8 @@ solution.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from scipy.linalg import null_space
 
@@ -126,6 +128,7 @@ def free_accelerations(mechanism: Mechanism, state: State, t: float = 0.0) -> np
     return (a + N @ np.linalg.solve(N.T @ M @ N, N.T @ (f - M @ a))).reshape(-1, 6)
 
 
+@lru_cache(maxsize=4096)  # tests ask again at the states of `mechanisms.states_of`, for each engine and formulation
 def solve(mechanism: Mechanism, state: State, t: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return a_WB_W, alpha_WB_W, force_F, torque_F at a consistent state; least-norm multipliers where not unique."""
     a, lam = accelerations(mechanism, state, t)
@@ -140,4 +143,7 @@ def solve(mechanism: Mechanism, state: State, t: float = 0.0) -> tuple[np.ndarra
         force, torque = on_successor[:3], on_successor[3:] - cross(frames.s_j, on_successor[:3])
         forces.append(frames.U.T @ force)
         torques.append(frames.U.T @ torque)
-    return a[:, :3], a[:, 3:], np.array(forces), np.array(torques)
+    found = a[:, :3], a[:, 3:], np.array(forces), np.array(torques)
+    for array in found:
+        array.flags.writeable = False
+    return found

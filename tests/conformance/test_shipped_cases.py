@@ -1,45 +1,36 @@
-"""Every engine on the cases with a full oracle: bars of `model` and `instant`, order of each integrator."""
+"""Every engine on the cases with a full oracle: motions, and the order of each integrator.
+
+`test_library` asks `model` and `instant` of every case.
+"""
 
 import functools
 
 import pytest
 
 from consilience.case import load_case
-from consilience.compare import (
-    ReferenceMotion,
-    Verdict,
-    compare_instant,
-    compare_model,
-    compare_trajectory,
-    spread_over_time,
-)
-from consilience.compare.instant import Instants
-from consilience.engine import Profile, Question, Run, Status, load_engine
-from consilience.reference import accelerations, simulate
+from consilience.compare import ReferenceMotion, Verdict, compare_trajectory, spread_over_time
+from consilience.engine import Profile, Question, Run, Status
+from consilience.reference import simulate
 from oracles.shipped import TRAJECTORIES
 
-CASES = {name: load_case(name) for name in TRAJECTORIES}
+CASES = {name: load_case(name) for name in TRAJECTORIES if name != "simple_pendulum-small"}
+"""Without the small motion of the pendulum whose large one is there."""
+
 ORDER_WINDOW = 0.15
+SPAN = 2.0
+"""Length of the motions, s: orders show by then."""
 
 
-@functools.cache
-def reference_model(name):
-    case, reference = CASES[name], load_engine("reference")
-    (method,) = reference.methods(case.mechanism, Question.MODEL)
-    return reference.model(case.mechanism, case.initial_state, method)
-
-
-@functools.cache
-def reference_instant(name):
+def times_of(name):
     case = CASES[name]
-    return accelerations(case.mechanism, case.states), Instants.of(case.mechanism, case.states)
+    return case.times[: round(SPAN / case.sample) + 1]
 
 
 @functools.cache
 def reference_motion(name):
     case = CASES[name]
     runs = [
-        simulate(case.mechanism, case.initial_state, case.times, tolerance, formulation)
+        simulate(case.mechanism, case.initial_state, times_of(name), tolerance, formulation)
         for tolerance, formulation in ((1e-13, "descriptor"), (1e-12, "descriptor"), (1e-12, "null_space"))
     ]
     return ReferenceMotion(runs[0], spread_over_time(case.mechanism, runs), case.digits)
@@ -52,33 +43,17 @@ def matched(engine, case, question):
     return found
 
 
-@pytest.mark.parametrize("name", CASES)
-def test_model_agrees(engine, name):
-    case = CASES[name]
-    assert engine.unsupported(case.mechanism, Question.MODEL) == ()
-    for method in engine.methods(case.mechanism, Question.MODEL):
-        answer = engine.model(case.mechanism, case.initial_state, method)
-        comparison = compare_model(name, "engine", method, answer, reference_model(name), 1.0)
-        assert comparison.verdict is Verdict.AGREES, comparison.why
-
-
-@pytest.mark.parametrize("name", CASES)
-def test_instant_agrees_by_every_method(engine, name):
-    case = CASES[name]
-    assert engine.unsupported(case.mechanism, Question.INSTANT) == ()
-    for method in matched(engine, case, Question.INSTANT):
-        answer = engine.instant(case.mechanism, case.states, method)
-        comparison = compare_instant(name, "engine", method, answer, *reference_instant(name))
-        assert comparison.verdict is Verdict.AGREES, (method.name, comparison.why)
+def test_every_engine_takes_these_cases(engine):
+    for case in CASES.values():
+        assert all(engine.unsupported(case.mechanism, question) == () for question in Question), case.name
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_trajectory_leads_to_the_reference_with_the_declared_order(engine, name):
     case = CASES[name]
-    assert engine.unsupported(case.mechanism, Question.TRAJECTORY) == ()
     for method in matched(engine, case, Question.TRAJECTORY):
         steps = [case.sample / n for n in method.substeps] or list(method.tolerances)
-        answers = [engine.trajectory(case.mechanism, case.initial_state, case.times, method, h) for h in steps]
+        answers = [engine.trajectory(case.mechanism, case.initial_state, times_of(name), method, h) for h in steps]
         runs = [
             Run(name, "engine", Question.TRAJECTORY, method, level, step, Status.ANSWERED, answer)
             for level, (step, answer) in enumerate(zip(steps, answers, strict=True))
