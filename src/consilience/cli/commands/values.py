@@ -23,7 +23,8 @@ from consilience.report.statement import WRITERS, Statement
 HEADING = """# Expected values
 
 Every expected value of the shipped cases, and the value of the reference at its finest tolerance, by
-`consilience values`. Origins: [The case library](cases.md). SI units; off is the difference, of angles modulo full turns.
+`consilience values`. Origins: [The case library](cases.md). SI units; off is the difference, of angles modulo full
+turns.
 A value is missed where the difference exceeds both uncertainties together, as in `consilience run`.
 
 """
