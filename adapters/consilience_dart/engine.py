@@ -27,6 +27,10 @@ from consilience.engine import (
 )
 from consilience.mechanism import Array, Mechanism, State, to_elementary_tree
 from consilience_dart import methods as ways
+from consilience_dart.contact_instant import settle
+from consilience_dart.contact_methods import CONTACT_FEATURES, EXTRAPOLATED, INSTANT, REASONS, touches
+from consilience_dart.contact_methods import refused as beyond_stepping
+from consilience_dart.contact_motion import extrapolated, move
 from consilience_dart.dynamics import (
     body_accelerations,
     constrained_dynamics,
@@ -39,9 +43,14 @@ from consilience_dart.integration import rk4_trajectory
 from consilience_dart.loads import Forces, spring_energy
 from consilience_dart.state import from_state, send
 from consilience_dart.stepping import (
+    CONSTRAINT_FORCE_MIXING,
+    ERROR_REDUCTION_DEFAULT,
+    ERROR_REDUCTION_INSTANT,
+    ERROR_REDUCTION_TRAJECTORY,
     Stepper,
     extrapolated_accelerations,
     native_trajectory,
+    set_softness,
     stepper,
     zero_step_accelerations,
 )
@@ -67,6 +76,13 @@ EXACT = {
 """Translation of each feature of a mechanism (`Mechanism.features`), for the manifest."""
 EXACT |= dict.fromkeys(("rolling", "skate"), EXACT["coupling"])
 
+TOUCHING = {
+    "contacts": "contacts: spheres and planes on massless nodes of their own, so that no other pair collides",
+    "stops": "stops: limits of DART's joints, which do not bounce",
+    "dry_frictions": "dry friction: Coulomb friction of DART's joints",
+}
+"""Translation of contacts, stops and dry friction, by group of a mechanism."""
+
 EXPONENTIAL = "World.step: rotations by a truncated exponential map, error (w h)^3 / 6 a step"
 APPROXIMATED = dict.fromkeys(("spherical joint", "free joint", "rod joint"), EXPONENTIAL) | {
     "drive": "World.step: drives at velocity level, half of the position error removed in a step"
@@ -75,7 +91,8 @@ APPROXIMATED = dict.fromkeys(("spherical joint", "free joint", "rod joint"), EXP
 FEATURES = feature_names(
     joints="revolute, prismatic, cylindrical, universal, spherical, planar, rigid, rod, free, screw, "
     "point_on_line, point_in_plane, parallel_axes",
-    elements="spring, joint spring, actuator, load, load in time, friction, control, drive, coupling, rolling, skate",
+    elements="spring, joint spring, actuator, load, load in time, friction, control, drive, coupling, rolling, skate, "
+    + CONTACT_FEATURES,
 )
 """Features of a mechanism that the adapter translates; features that are not listed are refused."""
 
@@ -95,11 +112,13 @@ class DartEngine:
 
         For a trajectory also constraints that no integrator can keep in this mechanism.
         """
-        refused = beyond(mechanism, FEATURES, "DART")
+        refused = beyond(mechanism, FEATURES, "DART", REASONS)
         if question is Question.MODEL:
             return refused
         if question is Question.TRAJECTORY and not refused:
             refused = ways.unmovable(mechanism)
+        if not refused:
+            refused = beyond_stepping(mechanism)
         reason = "DART's joint springs and dampers cannot be negative: it sets them to zero"
         return refused + tuple(
             Unsupported(f"joint spring '{spring.name}' with a negative coefficient", reason)
@@ -115,6 +134,7 @@ class DartEngine:
         """Return the features that the translation keeps exact, and those that it approximates."""
         tree = to_elementary_tree(without_screws(mechanism, "revolute"))
         exact = ["bodies, revolute, prismatic and rigid joints, gravity"]
+        exact += [text for group, text in TOUCHING.items() if getattr(mechanism, group)]
         exact += dict.fromkeys(EXACT[feature] for feature in mechanism.features if feature in EXACT)
         approximated = list(dict.fromkeys(APPROXIMATED[f] for f in mechanism.features if f in APPROXIMATED))
         if tree.welds:
@@ -140,6 +160,7 @@ class DartEngine:
     def instant(self, mechanism: Mechanism, states: Sequence[State], method: Method) -> InstantAnswer:
         """Return accelerations, joint reactions and energies at consistent states."""
         native = method.route is Route.EXTRAPOLATED
+        forces_of_contacts = []
         stepping, model = None, None
         accelerations, wrenches, energies = [], [], []
         for state in states:
@@ -150,7 +171,10 @@ class DartEngine:
                 forces = Forces(model)
             c = from_state(model, state)
             send(model, c)
-            if method.name == ways.EXTRAPOLATED_DEFAULT and stepping is not None:
+            if method.name == INSTANT and stepping is not None:
+                set_softness(ERROR_REDUCTION_INSTANT, CONSTRAINT_FORCE_MIXING)
+                forces_of_contacts.append(settle(stepping, c, state))
+            elif method.name == ways.EXTRAPOLATED_DEFAULT and stepping is not None:
                 ways.soften(method)
                 zero_step_accelerations(stepping, c, state)
             elif stepping is not None:
@@ -166,7 +190,8 @@ class DartEngine:
         a, alpha = (np.array(column) for column in zip(*accelerations, strict=True))
         kinetic, potential = np.array(energies).T
         force, torque = (np.array(c) for c in zip(*wrenches, strict=True)) if wrenches else (None, None)
-        return InstantAnswer(a, alpha, force, torque, kinetic, potential)
+        pressing = np.array(forces_of_contacts) if mechanism.contacts else None
+        return InstantAnswer(a, alpha, force, torque, kinetic, potential, pressing)
 
     def trajectory(
         self, mechanism: Mechanism, state: State, times: Array, method: Method, step: float
@@ -182,13 +207,27 @@ class DartEngine:
         if method.route is Route.HARNESS_INTEGRATOR:
             (p, quat, v, w), work = rk4_trajectory(mechanism, state, times, substeps)
             return TrajectoryAnswer(np.asarray(times), p, quat, v, w, {"evaluations": work})
+        if touches(mechanism):
+            return self._with_contacts(mechanism, state, np.asarray(times), method, substeps)
         ways.soften(method)
         (p, quat, v, w), work = native_trajectory(_stepper(mechanism, state, method), times, substeps)
         return TrajectoryAnswer(np.asarray(times), p, quat, v, w, {"steps": work})
 
+    @staticmethod
+    def _with_contacts(
+        mechanism: Mechanism, state: State, times: Array, method: Method, substeps: int
+    ) -> TrajectoryAnswer:
+        """Integrate by `World.step` with contacts, stops or dry friction."""
+        matched = method.profile is Profile.MATCHED
+        set_softness(ERROR_REDUCTION_TRAJECTORY if matched else ERROR_REDUCTION_DEFAULT, CONSTRAINT_FORCE_MIXING)
+        if method.name == EXTRAPOLATED:
+            return extrapolated(lambda: _stepper(mechanism, state, method), times, substeps)
+        return move(_stepper(mechanism, state, method), times, substeps)
+
 
 def _stepper(mechanism: Mechanism, start: State, method: Method) -> Stepper:
-    return stepper(mechanism, start, sleeping=method.profile is Profile.DEFAULT)
+    default = method.profile is Profile.DEFAULT
+    return stepper(mechanism, start, sleeping=default, cones=not default)
 
 
 def _energies(model: Model) -> tuple[float, float]:

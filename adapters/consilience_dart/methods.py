@@ -7,6 +7,7 @@ from typing import Any
 
 from consilience.engine import Method, Profile, Question, Route, Unsupported, without_screws
 from consilience.mechanism import Mechanism, Tree, initial_state, to_elementary_tree
+from consilience_dart.contact_methods import touches, unilateral_methods
 from consilience_dart.dynamics import constraint_rank
 from consilience_dart.state import from_state, send
 from consilience_dart.stepping import (
@@ -164,4 +165,6 @@ def methods(mechanism: Mechanism, question: Question) -> tuple[Method, ...]:
     if question is Question.MODEL:
         return (Method(MODEL, Route.NATIVE),)
     tree = to_elementary_tree(without_screws(mechanism, "revolute"))
+    if touches(mechanism):
+        return unilateral_methods(mechanism, question, bool(tree.welds))
     return _instant(mechanism, tree) if question is Question.INSTANT else _trajectory(mechanism, tree)

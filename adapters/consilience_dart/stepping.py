@@ -18,7 +18,9 @@ import dartpy
 import numpy as np
 
 from consilience.mechanism import Array, Mechanism, State
+from consilience_dart.contacts import Touching
 from consilience_dart.drives import command_steps
+from consilience_dart.limits import set_limits
 from consilience_dart.loads import Forces
 from consilience_dart.state import Coordinates, from_state, read, send
 from consilience_dart.translation import Model, build
@@ -68,6 +70,8 @@ class Stepper:
     time : float, s
     reduction : float
         Part of the position error of a drive that a step removes.
+    touching : Touching or None
+        Contacts; None if the mechanism has none.
     """
 
     model: Model
@@ -75,6 +79,7 @@ class Stepper:
     forces: Forces
     time: float = 0.0
     reduction: float = 0.0
+    touching: Touching | None = None
 
     def restart(self, c: Coordinates, time: float, step: float) -> None:
         """Set state, time and step, and the integrals of controllers to zero."""
@@ -82,19 +87,26 @@ class Stepper:
         self.world.setTimeStep(step)
         self.time = time
         self.forces.integrals[:] = 0.0
+        if self.touching:
+            self.touching.restart()
+
+    def _advance(self) -> None:
+        self.world.step()
+        if self.touching:
+            self.touching.add(self.world.getTimeStep())
 
     def step(self, count: int) -> None:
         """Take `count` steps, with external forces and integrands of the beginning of each step."""
         if not self.forces and not self.model.mechanism.drives:
             for _ in range(count):
-                self.world.step()
+                self._advance()
             return
         h, start = self.world.getTimeStep(), self.time
         for n in range(count):
             self.forces.apply(self.time)
             command_steps(self.model, self.time, h, self.reduction)
             errors = self.forces.errors(self.time)
-            self.world.step()
+            self._advance()
             self.forces.integrals += h * errors
             self.time = start + (n + 1) * h
 
@@ -105,7 +117,7 @@ def set_softness(reduction: float, mixing: float) -> None:
     dartpy.constraint.WeldJointConstraint.setConstraintForceMixing(mixing)
 
 
-def stepper(mechanism: Mechanism, start: State, sleeping: bool = False) -> Stepper:
+def stepper(mechanism: Mechanism, start: State, sleeping: bool = False, cones: bool = True) -> Stepper:
     """Build a world at a consistent state, in whose poses the welds of split bodies are anchored.
 
     Parameters
@@ -114,6 +126,8 @@ def stepper(mechanism: Mechanism, start: State, sleeping: bool = False) -> Stepp
     start : State
     sleeping : bool
         DART may put slow bodies to sleep, which is its default.
+    cones : bool
+        Solve for friction on circular cones; DART's default is a box.
     """
     model = build(mechanism)
     world = dartpy.simulation.World()
@@ -126,7 +140,10 @@ def stepper(mechanism: Mechanism, start: State, sleeping: bool = False) -> Stepp
     for weld in model.tree.welds:
         constraint = dartpy.constraint.WeldJointConstraint(model.nodes[weld.original], model.nodes[weld.copy])
         world.getConstraintSolver().addConstraint(constraint)
-    return Stepper(model, world, Forces(model))
+    set_limits(model)
+    unilateral = mechanism.contacts or mechanism.stops or mechanism.dry_frictions
+    touching = Touching(model, world, cones) if unilateral else None
+    return Stepper(model, world, Forces(model), touching=touching)
 
 
 def native_trajectory(stepping: Stepper, times: Array, substeps: int) -> tuple[list[Array], int]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import dartpy
@@ -23,6 +23,7 @@ from consilience.mechanism import (
     AXIS_COORDINATES,
     Array,
     Coupling,
+    Frame,
     JointSpring,
     Link,
     Mechanism,
@@ -196,9 +197,28 @@ def _axes(mechanism: Mechanism, tree: Tree, joints: list[Any], start: list[int])
     return axes
 
 
+def _centred(mechanism: Mechanism) -> Mechanism:
+    """Return the mechanism with frames of free joints at the centres of mass of their bodies.
+
+    A step of DART moves the origin of a free joint straight: with another origin a body that turns leaves its parabola.
+    """
+
+    def at_center(body: str, frame: Frame) -> Frame:
+        index = mechanism.body_index[body]
+        return frame if index < 0 else Frame(mechanism.bodies[index].com, frame.R)
+
+    joints = tuple(
+        replace(j, F=at_center(j.predecessor, j.F), M=at_center(j.successor, j.M)) if j.kind == "free" else j
+        for j in mechanism.joints
+    )
+    return replace(mechanism, joints=joints)
+
+
 def build(mechanism: Mechanism) -> Model:
     """Build the skeleton of a mechanism, with time step zero so that joint springs act at the present state."""
     lowered = without_screws(mechanism, "revolute")
+    if mechanism.contacts:
+        lowered = _centred(lowered)
     tree = to_elementary_tree(lowered)
     skeleton = dartpy.dynamics.Skeleton(mechanism.name)
     skeleton.setGravity(mechanism.gravity)

@@ -49,7 +49,8 @@ def motion_of_halved(runs: Sequence[TrajectoryAnswer]) -> TrajectoryAnswer:
         return limit_of_halved([getattr(run, name) for run in runs])
 
     quat = limit("quat_WB")
-    contacts = {name: limit(name) for name in ("contact_gap", "contact_impulse", "contact_loss")}
+    given = [name for name in ("contact_gap", "contact_impulse", "contact_loss") if getattr(runs[0], name) is not None]
+    contacts = {name: limit(name) for name in given}
     return TrajectoryAnswer(
         runs[0].time,
         limit("p_WB"),

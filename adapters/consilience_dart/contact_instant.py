@@ -1,0 +1,106 @@
+"""Accelerations at an instant with closed contacts, stops and dry friction, by two steps of `World.step`.
+
+The first step has the force mixing of contacts, 1e-5 of the acceleration; the second makes up for it. The difference
+quotient of the second is extrapolated to zero step. DART's rows are those of the start of a step and lack the rates of
+their directions: where these count, as at a turning corner, the second step takes the contact for open or for an
+impact, and there is no answer.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from consilience.engine import limit_of_halved
+from consilience.mechanism import Array, State, contact_gap, contact_parts, nearest_points
+from consilience_dart.contacts import Touching
+from consilience_dart.state import Coordinates, read, send
+from consilience_dart.stepping import Stepper
+from consilience_dart.translation import Model
+
+CLOSED = 1e-9
+"""Gap in m, and its rate, up to which a contact is closed."""
+
+STEP = 1e-3
+"""Longest step in s; much shorter ones are spoilt by rounding."""
+
+TURN, FRICTION = 1e-2, 30.0
+"""Part by which friction may change a slip in a step, at this acceleration by friction in m/s^2."""
+
+UNTURNED = 1e-6
+"""Largest acceleration of a closed gap at constant rates of the coordinates, in m/s^2."""
+
+
+MOST_ITERATIONS = 1000
+"""Of the solver of friction: its default of 100 is too few for the first steps of a box that tips."""
+
+
+def _slowest(model: Model, touching: Touching, state: State) -> float:
+    """Return the least slip, or rate with dry friction, that is not zero, in m/s or rad/s; infinite if all are.
+
+    Raises
+    ------
+    ArithmeticError
+        A closed contact closes further.
+    """
+    rates = [abs(model.axes[d.joint, d.coordinate].rate) for d in touching.mechanism.dry_frictions]
+    slowest = min((rate for rate in rates if rate > CLOSED), default=np.inf)
+    for n, contact in enumerate(touching.mechanism.contacts):
+        for part in contact_parts(contact):
+            nearest = nearest_points(touching.mechanism, state, part)
+            if nearest.gap > CLOSED:
+                continue
+            slip = touching.slip(n, nearest.on_body)
+            rate = float(nearest.normal @ slip)
+            if rate < -CLOSED:
+                raise ArithmeticError(f"contact '{part.name}' closes at {-rate:.3g} m/s: an impact, no acceleration")
+            speed = float(np.linalg.norm(slip - rate * nearest.normal))
+            slowest = speed if CLOSED < speed < slowest else slowest
+    return slowest
+
+
+def _refuse_turning(stepping: Stepper, c: Coordinates) -> None:
+    """Refuse a closed contact whose gap accelerates at constant rates of the coordinates."""
+    mechanism, gaps = stepping.model.mechanism, []
+    parts = [part for contact in mechanism.contacts for part in contact_parts(contact)]
+    for time in (-STEP, 0.0, STEP):
+        send(stepping.model, c)
+        stepping.model.skeleton.integratePositions(time)
+        state = State(*read(stepping.model))
+        gaps.append([contact_gap(mechanism, state, part) for part in parts])
+    before, now, after = np.array(gaps)
+    rates = np.abs(before - 2.0 * now + after) / STEP**2
+    for part, gap, rate in zip(parts, now, rates, strict=True):
+        if gap <= CLOSED and rate > UNTURNED:
+            what = f"its gap accelerates by {rate:.3g} m/s^2 as the bodies turn, which DART's rows lack"
+            raise ArithmeticError(f"contact '{part.name}': {what}")
+
+
+def settle(stepping: Stepper, c: Coordinates, state: State) -> Array:
+    """Compute generalised accelerations, and the forces of the contacts (n_c, 3) on their bodies, world axes.
+
+    The skeleton is left at the state, with these accelerations.
+
+    Raises
+    ------
+    ArithmeticError
+        DART has no acceleration: an impact, or a contact at a turning corner.
+    """
+    touching = stepping.touching
+    assert touching is not None
+    touching.iterate(MOST_ITERATIONS)
+    _refuse_turning(stepping, c)
+    stepping.restart(c, 0.0, STEP)
+    h = min(STEP, TURN * _slowest(stepping.model, touching, state) / FRICTION)
+    quotients, forces = [], []
+    for part in (1, 2, 4):
+        stepping.restart(c, 0.0, h / part)
+        stepping.step(1)
+        before = np.array(stepping.model.skeleton.getVelocities())
+        stepping.step(1)
+        quotients.append((stepping.model.skeleton.getVelocities() - before) / (h / part))
+        forces.append(touching.forces)
+    if touching.failed():
+        raise ArithmeticError("FbfFrictionSolver fails at this state")
+    send(stepping.model, c)
+    stepping.model.skeleton.setAccelerations(limit_of_halved(quotients))
+    return limit_of_halved(forces)

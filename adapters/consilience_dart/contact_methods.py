@@ -1,0 +1,116 @@
+"""Methods of mechanisms with contacts, stops or dry friction, and the law of contact that each solves."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from consilience.engine import Method, Profile, Question, Route, Unsupported
+from consilience.mechanism import GROUND, Array, Cone, ContactLaw, Mechanism
+from consilience_dart.contact_instant import MOST_ITERATIONS, STEP
+from consilience_dart.contacts import TOLERANCE
+from consilience_dart.stepping import ERROR_REDUCTION_TRAJECTORY
+from consilience_dart.translation import unstepped
+
+CONTACT_FEATURES = (
+    "sphere on plane contact, point on plane contact, sphere on sphere contact, box on plane contact, "
+    "capsule on plane contact, moving plane contact, contact restitution, contact friction, stop, dry friction"
+)
+
+REASONS = {
+    "disc on plane contact": "DART finds no contact of a cylinder's rim with a plane",
+    "pyramid cone": "DART has circles and boxes",
+    "box cone": "the axes of DART's box follow from the normal and the world",
+    "static friction": "DART has one coefficient",
+    "Poisson impact": "DART has Newton's law",
+    "torsional friction": "DART has no torsional friction",
+    "rolling friction": "DART has no rolling friction",
+    "compliant contact": "DART's contacts are rigid",
+    "stop restitution": "DART's joint limits do not bounce",
+    "dry friction of a reaction": "DART's Coulomb friction of joints has a constant bound",
+}
+
+THRESHOLD, CAP = 0.1, 100.0
+"""Speeds of rebound in m/s: up to the first DART gives none, and no more than the second; there is no setter."""
+
+CONES = "World.step with FbfFrictionSolver"
+EXTRAPOLATED = f"{CONES}, extrapolated"
+BOX = "World.step, defaults"
+INSTANT = f"{CONES}, second step, to zero step"
+
+_IMPACT = f"Newton's restitution, none up to a rebound of {THRESHOLD:g} m/s, at most {CAP:g} m/s"
+_SETTINGS: dict[str, Any] = {
+    "DeactivationOptions.enabled": False,
+    "BoxedLcpSolver": "FbfFrictionSolver",
+    "FbfFrictionSolver.tolerance": TOLERANCE,
+    "splitImpulse": True,
+}
+_Z, _AXES = np.array([0.0, 0.0, 1.0]), np.eye(3)
+
+
+def touches(mechanism: Mechanism) -> bool:
+    """Whether a mechanism has contacts, stops or dry friction."""
+    return bool(mechanism.contacts or mechanism.stops or mechanism.dry_frictions)
+
+
+def refused(mechanism: Mechanism) -> tuple[Unsupported, ...]:
+    """Return the constraints that `World.step` lacks, beside contacts, stops or dry friction."""
+    if not touches(mechanism):
+        return ()
+    reason = "World.step, which alone has contacts, stops and dry friction, has no such constraint"
+    return tuple(Unsupported(f"{what} '{name}'", reason) for what, name in unstepped(mechanism).items())
+
+
+def _box_axis(normal: Array) -> Array:
+    """First axis of DART's box: the normal times the world's z; the world's x where the normal is along z."""
+    axis = np.cross(normal, _Z)
+    return axis / np.linalg.norm(axis) if float(np.linalg.norm(axis)) > 1e-6 else _AXES[0]
+
+
+def default_law(mechanism: Mechanism) -> ContactLaw | None:
+    """Return DART's box as a law of all contacts; None where no one tangent gives it for all of them."""
+    rubbing: list[Any] = [contact for contact in mechanism.contacts if contact.friction > 0.0]
+    if not rubbing or any(c.partner != GROUND or not hasattr(c, "normal") for c in rubbing):
+        return None
+    cone = Cone("box", tangent=tuple(float(x) for x in _box_axis(rubbing[0].normal)))  # type: ignore[arg-type]
+    for contact in rubbing:
+        wanted = _box_axis(contact.normal)
+        across = wanted - (wanted @ np.array(cone.tangent)) * np.array(cone.tangent)
+        if float(np.linalg.norm(across)) > 1e-9:
+            return None
+    return ContactLaw(cone=cone)
+
+
+def unilateral_methods(mechanism: Mechanism, question: Question, loops: bool) -> tuple[Method, ...]:
+    """Return the methods of a mechanism with contacts, stops or dry friction, the headline method first.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    question : Question
+        ``instant`` or ``trajectory``.
+    loops : bool
+        Whether welds hold loops.
+    """
+    rows = {"errorReductionParameter": 0.0 if question is Question.INSTANT else ERROR_REDUCTION_TRAJECTORY}
+    settings = _SETTINGS | (rows if loops else {})
+    circle = f"circle; {_IMPACT}" if mechanism.contacts else ""
+    if question is Question.INSTANT:
+        steps = f"{STEP:g} s or less, halved twice, extrapolated to 0"
+        settings = settings | {"step": steps, "FbfFrictionSolver.maxOuterIterations": MOST_ITERATIONS}
+        return (Method(INSTANT, Route.EXTRAPOLATED, settings=settings, contact_law=circle),)
+    box = f"box along normal x world z, or along x and y of the world where the normal is z; {_IMPACT}"
+    return (
+        Method(CONES, Route.TUNED, 1, (20, 40, 80), settings=settings, contact_law=circle),
+        Method(EXTRAPOLATED, Route.EXTRAPOLATED, 3, (4, 8, 16), settings=settings, contact_law=circle),
+        Method(
+            BOX,
+            Route.NATIVE,
+            1,
+            (50, 100),
+            profile=Profile.DEFAULT,
+            contact_law=box if mechanism.contacts else "",
+            law=default_law(mechanism),
+        ),
+    )

@@ -1,0 +1,229 @@
+"""Contacts and stops in DART's world: pads with shapes, the pairs that may collide, and what each step leaves.
+
+Each side of a contact is a pad: a massless node welded to its body, with the shapes of this contact alone. All pairs of
+pads but the declared ones are on DART's black list, which knows nodes and not shapes. So a contact has its own friction
+and restitution, although DART combines those of shapes: friction by the minimum, restitution by the product.
+
+All spheres are `INSIDE` larger than they are, because DART does not take a gap of zero, with rounding, for a contact; a
+point is a sphere of this radius.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+from typing import Any
+
+import dartpy
+import numpy as np
+
+from consilience.mechanism import GROUND, Array, Contact, SphereSphere, State, contact_gap, contact_parts, cross
+from consilience_dart.state import read
+from consilience_dart.translation import Model, set_inertia
+
+INSIDE = 1e-9
+
+SEPARATED, SLIDING, STICKING = range(3)
+
+AT_REST = 1e-6
+"""Slip in m/s below which a contact sticks: DART's force mixing of 1e-5 lets it creep."""
+
+TOLERANCE = 1e-12
+"""Of `FbfFrictionSolver`."""
+
+TOO_MANY = 0.05
+"""Part of the solutions of friction that may fail: where a body with several contacts rests, and forces of friction are
+not determined, a few do, and DART's substitute holds the body."""
+
+
+def _frame(R: Array, p: Array) -> Any:
+    transform = dartpy.math.Isometry3()
+    transform.set_rotation(R)
+    transform.set_translation(p)
+    return transform
+
+
+Motion = tuple[Array, Array, Array]
+"""Position, velocity and angular velocity, world axes."""
+
+
+class _Pad:
+    """Node of one side of a contact, at the centre of mass of its body, in axes of the body."""
+
+    def __init__(self, model: Model, ground: Any, body: str, name: str) -> None:
+        index = model.mechanism.body_index[body]
+        self._center = np.zeros(3) if index < 0 else model.mechanism.bodies[index].com
+        if index < 0:
+            joint, self.node = ground.createWeldJointAndBodyNodePair()
+        else:
+            carrier = model.carriers[index]
+            joint, self.node = model.skeleton.createWeldJointAndBodyNodePair(model.nodes[carrier])
+            frame = model.tree.links[carrier].body_frame
+            joint.setTransformFromParentBodyNode(_frame(frame.R, frame.p + frame.R @ self._center))
+            set_inertia(self.node, 0.0, np.zeros(3), np.zeros((3, 3)))
+        self.node.setName(name)
+
+    def add(self, shape: Any, position: Array, law: Contact, restitution: float) -> None:
+        """Add a shape at a position in axes of the body."""
+        node = self.node.createShapeNode(shape)
+        node.setRelativeTranslation(position - self._center)
+        node.createCollisionAspect()
+        node.createDynamicsAspect()
+        aspect = node.getDynamicsAspect()
+        aspect.setFrictionCoeff(law.friction)
+        aspect.setRestitutionCoeff(restitution)
+
+    def motion(self) -> Motion:
+        """Return position, velocity and angular velocity of the node, world axes."""
+        return (
+            np.array(self.node.getWorldTransform().translation()),
+            np.array(self.node.getLinearVelocity()),
+            np.array(self.node.getAngularVelocity()),
+        )
+
+
+def _shapes(pads: tuple[_Pad, _Pad], contact: Contact) -> None:
+    """Give the shapes of a contact to its pads; the restitution stands on the body's side, 1 on the partner's."""
+    body, partner = pads
+    parts = contact_parts(contact)
+    for part in parts:
+        body.add(dartpy.dynamics.SphereShape(part.radius + INSIDE), part.center, contact, contact.restitution)
+    first = parts[0]
+    if isinstance(first, SphereSphere):
+        partner.add(dartpy.dynamics.SphereShape(first.partner_radius), first.partner_center, contact, 1.0)
+        return
+    plane = dartpy.dynamics.PlaneShape(first.normal, float(first.normal @ first.point))
+    partner.add(plane, np.zeros(3), contact, 1.0)
+
+
+class Touching:
+    """Contacts of a model in a world, and their samples.
+
+    Attributes
+    ----------
+    mechanism : Mechanism
+    impulse, forces : ndarray, shape (n_c, 3)
+        On the bodies, world axes: N s since it was last set to zero, and N in the last step.
+    modes : ndarray, shape (n_c,)
+        In the last step: 0 separated, 1 sliding, 2 sticking.
+    loss : float, J
+
+    Parameters
+    ----------
+    model : Model
+    world : dartpy World
+    cones : bool
+        Solve for friction on circular cones by `FbfFrictionSolver`; otherwise by DART's default, a box.
+    """
+
+    def __init__(self, model: Model, world: Any, cones: bool) -> None:
+        self._model, self._world, self.mechanism = model, world, model.mechanism
+        self._count = len(model.mechanism.contacts)
+        ground = dartpy.dynamics.Skeleton(GROUND)
+        self._pads = [
+            (_Pad(model, ground, c.body, f"pad {2 * n}"), _Pad(model, ground, c.partner, f"pad {2 * n + 1}"))
+            for n, c in enumerate(model.mechanism.contacts)
+        ]
+        for pads, contact in zip(self._pads, model.mechanism.contacts, strict=True):
+            _shapes(pads, contact)
+        model.skeleton.enableSelfCollisionCheck()
+        if ground.getNumBodyNodes():
+            world.addSkeleton(ground)
+        solver = world.getConstraintSolver()
+        solver.setCollisionDetector(dartpy.collision.DARTCollisionDetector())
+        self._friction = dartpy.constraint.FbfFrictionSolver() if cones else None
+        if self._friction is not None:
+            self._set(tolerance=TOLERANCE)
+            solver.setBoxedLcpSolver(self._friction)
+            solver.setSplitImpulseEnabled(True)  # corrections of overlaps stay out of the velocities
+        declared = {(body.node.getName(), partner.node.getName()) for body, partner in self._pads}
+        listed = solver.getCollisionOption().collisionFilter
+        for one, other in combinations([pad.node for pads in self._pads for pad in pads], 2):
+            if (one.getName(), other.getName()) not in declared:
+                listed.addBodyNodePairToBlackList(one, other)
+        self._numbers = {pad.node.getName(): n for n, pads in enumerate(self._pads) for pad in pads}
+        self.restart()
+
+    def _set(self, **options: float) -> None:
+        assert self._friction is not None
+        all_options = self._friction.getOptions()  # a copy
+        for name, value in options.items():
+            setattr(all_options, name, value)
+        self._friction.setOptions(all_options)
+
+    def iterate(self, most: int) -> None:
+        """Let the solver of friction iterate up to this number of times."""
+        self._set(maxOuterIterations=most)
+
+    def restart(self) -> None:
+        """Set all sums to zero."""
+        self.impulse, self.forces = np.zeros((2, self._count, 3))
+        self.modes = np.full(self._count, SEPARATED)
+        self.loss = 0.0
+        self.note()
+
+    def note(self) -> None:
+        """Keep the motion of the pads before a step."""
+        self._before = [[pad.motion() for pad in pads] for pads in self._pads]
+
+    def add(self, step: float) -> None:
+        """Add the forces of the step that was taken.
+
+        DART's contacts have points and normals of the start of the step, and its force on the first object.
+        """
+        self.forces = np.zeros((self._count, 3))
+        self.modes = np.full(self._count, SEPARATED)
+        for contact in self._world.getLastCollisionResult().getContacts():
+            name = contact.collisionObject1.getShapeFrame().getBodyNode().getName()
+            n = self._numbers[name]
+            force = np.asarray(contact.force)
+            if name != self._pads[n][0].node.getName():
+                force = -force
+            normal, point = np.asarray(contact.normal), np.asarray(contact.point)
+            if abs(force @ normal) == 0.0:
+                continue
+            before, after = self.slip(n, point, self._before[n]), self.slip(n, point)
+            self.forces[n] += force
+            self.loss -= step * float(force @ (before + after)) / 2.0
+            slides = float(np.linalg.norm(after - normal * (normal @ after))) > AT_REST
+            if slides or self.modes[n] == SEPARATED:
+                self.modes[n] = SLIDING if slides else STICKING
+        self.impulse += step * self.forces
+        self.note()
+
+    def slip(self, n: int, point: Array, motions: Sequence[Motion] | None = None) -> Array:
+        """Return the velocity of the body's material point at a point relative to the partner's.
+
+        Parameters
+        ----------
+        n : int
+            Number of the contact.
+        point : ndarray, shape (3,), m
+            At the start of the step.
+        motions : sequence, optional
+            Motions of the pads; default: those after the step, with the positions of its start.
+        """
+        body, partner = motions or [pad.motion() for pad in self._pads[n]]
+        places = [origin for origin, _, _ in self._before[n]]
+        (v, w), (v_P, w_P) = body[1:], partner[1:]
+        return v + cross(w, point - places[0]) - v_P - cross(w_P, point - places[1])
+
+    def failed(self) -> int:
+        """Return the number of solutions of friction that failed.
+
+        Raises
+        ------
+        ArithmeticError
+            It is more than a few.
+        """
+        if self._friction is None:
+            return 0
+        stats = self._friction.getStats()
+        if stats.numFailed > max(1.0, TOO_MANY * stats.numSolves):
+            raise ArithmeticError(f"FbfFrictionSolver fails {stats.numFailed} of {stats.numSolves} times")
+        return int(stats.numFailed)
+
+    def gaps(self) -> Array:
+        """Return the gaps in m, by the poses of DART."""
+        state = State(*read(self._model))
+        return np.array([contact_gap(self._model.mechanism, state, c) for c in self._model.mechanism.contacts])

@@ -1,0 +1,293 @@
+"""Contacts, stops and dry friction of the DART adapter against closed forms; each test fails for its own mistake."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from consilience.engine import Profile, Question, Route
+from consilience.errors import InvalidInput
+from consilience.mechanism import (
+    GROUND,
+    Body,
+    BoxPlane,
+    CapsulePlane,
+    Cone,
+    Drive,
+    Frame,
+    Initial,
+    Joint,
+    Mechanism,
+    SpherePlane,
+    Stop,
+    initial_state,
+    joint_coordinates,
+    relative_motion,
+    sine,
+)
+from consilience_dart import DartEngine
+from consilience_dart.export import export_model
+from contact_problems import LEVEL, G, Lab, incline, pendulum, turned
+
+LAB = Lab()
+HERE = Frame(np.zeros(3), np.eye(3))
+HEADLINE, EXTRAPOLATED, DEFAULT = range(3)
+
+
+def move(mechanism, state, times, step, which=HEADLINE):
+    engine = DartEngine()
+    assert engine.unsupported(mechanism, Question.TRAJECTORY) == ()
+    method = engine.methods(mechanism, Question.TRAJECTORY)[which]
+    return engine.trajectory(mechanism, state, np.asarray(times, dtype=float), method, step)
+
+
+def instant(mechanism, state):
+    engine = DartEngine()
+    assert engine.unsupported(mechanism, Question.INSTANT) == ()
+    return engine.instant(mechanism, [state], engine.methods(mechanism, Question.INSTANT)[0])
+
+
+def box(lab, gravity=LEVEL, half_sizes=(0.3, 0.3, 0.1), moments=(0.07, 0.06, 0.12), **law):
+    """Box of 2 kg on the floor, with its centre of mass at its centre."""
+    contact = BoxPlane(
+        *("box", "body", lab.com, np.array(half_sizes), GROUND, lab.origin, lab.axes[:, 2]),
+        orientation=lab.principal,
+        **law,
+    )
+    return lab.free_body(2.0, moments, gravity, [contact])
+
+
+def ball(radius=0.11, gravity=LEVEL, loads=(), **law):
+    """Ball of 2 kg."""
+    return LAB.free_body(2.0, (0.8 * radius**2,) * 3, gravity, [LAB.sphere(radius, **law)], loads)
+
+
+def test_a_box_slides_straight_and_stops():
+    heading = np.radians(30.0)
+    along = np.array([np.cos(heading), np.sin(heading), 0.0])
+    mechanism, state = box(LAB, friction=0.4), LAB.state((0.0, 0.0, 0.1), 3.0 * along)
+    errors = []
+    for step in (4e-3, 2e-3):
+        found = move(mechanism, state, np.linspace(0.0, 0.8, 3), step)
+        p, v, w = LAB.centre(found)
+        errors.append(p @ along - 9.0 / (0.8 * G))
+        assert abs(p @ [-along[1], along[0], 0.0]) < 1e-6
+        np.testing.assert_allclose(v, 0.0, atol=1e-6)
+        np.testing.assert_allclose(w, 0.0, atol=1e-6)
+    assert errors[0] / errors[1] == pytest.approx(2.0, abs=0.01)
+    impulse = LAB.axes.T @ found.contact_impulse[1, 0]
+    np.testing.assert_allclose(impulse, 2.0 * G * 0.4 * np.array([*-0.4 * along[:2], 1.0]), rtol=1e-5)
+    assert found.contact_loss[-1] == pytest.approx(9.0, rel=1e-5)
+    assert list(found.contact_mode[:, 0]) == [1, 1, 2]
+
+
+@pytest.mark.parametrize("level", [True, False])
+def test_the_default_is_the_box_that_its_law_states(level):
+    """The stop of a block under independent bounds along two axes, each deceleration mu g until its speed is gone."""
+    lab = Lab(axes=np.eye(3)) if level else LAB
+    mechanism = box(lab, friction=0.4)
+    engine = DartEngine()
+    method = engine.methods(mechanism, Question.TRAJECTORY)[DEFAULT]
+    assert method.profile is Profile.DEFAULT
+    assert method.law is not None
+    assert method.law.cone.kind == "box"
+    assert "box" in method.contact_law
+    assert "0.1 m/s" in method.contact_law
+    t1, t2 = (lab.axes.T @ t for t in method.law.cone.tangents(mechanism.contacts[0].normal))
+    velocity = 3.0 * (np.cos(0.6) * t1 + np.sin(0.6) * t2)
+    stop = [np.sign(velocity @ t) * (velocity @ t) ** 2 / (0.8 * G) for t in (t1, t2)]
+    found = engine.trajectory(mechanism, lab.state((0, 0, 0.1), velocity), np.array([0.0, 0.8]), method, 1e-3)
+    p, _, _ = lab.centre(found)
+    np.testing.assert_allclose([p @ t1, p @ t2], stop, atol=3e-3)
+    straight = 9.0 / (0.8 * G) * velocity / 3.0
+    assert np.linalg.norm(p[:2] - straight[:2]) > 0.05
+
+
+def test_planes_without_one_box_have_no_law():
+    first = LAB.sphere(0.1, friction=0.2)
+    wall = replace(LAB.sphere(0.1, "wall", friction=0.2), normal=np.array([0.6, 0.0, 0.8]))
+    mechanism = LAB.free_body(1.0, (1.0,) * 3, LEVEL, [first, wall])
+    assert DartEngine().methods(mechanism, Question.TRAJECTORY)[DEFAULT].law is None
+
+
+def test_a_block_thrown_across_an_incline_turns_to_the_slope():
+    angle = np.radians(110.0)
+    state = LAB.state((0.0, 0.0, 0.1), (2 * np.cos(angle), 2 * np.sin(angle), 0.0))
+    found = move(box(LAB, incline(20.0), friction=0.3), state, [0.0, 1.0], 1.0 / 32.0, EXTRAPOLATED)
+    p, v, _ = LAB.centre(found)
+    np.testing.assert_allclose(p[:2], [0.547310972480047, 0.771934634191531], atol=1e-6)
+    np.testing.assert_allclose(v[:2], [1.11348200821546, 0.155833579558169], atol=3e-6)
+
+
+def test_bowling_rolls_with_what_slipping_leaves():
+    state = LAB.state((0.0, 0.0, 0.11), (3.0, 1.0, 0.0), (25.0, 10.0, 40.0))
+    errors = []
+    for step in (2e-3, 1e-3):
+        found = move(ball(friction=0.2), state, np.linspace(0.0, 2.0, 5), step)
+        p, v, _ = LAB.centre(found)
+        np.testing.assert_allclose(v, [2.45714285714286, -0.0714285714285714, 0.0], atol=1e-4)
+        errors.append(np.linalg.norm(p - [5.08044993254752, 0.185098551080632, 0.11]))
+        assert found.contact_loss[-1] == pytest.approx(2.52464285714286 * 2.0, rel=1e-4)
+        assert list(found.contact_mode[:, 0]) == [1, 1, 2, 2, 2]
+    assert errors[0] / errors[1] == pytest.approx(2.0, abs=0.1)
+
+
+def test_a_ball_bounces_down_to_the_threshold_of_restitution():
+    mechanism = ball(0.1, restitution=0.5)
+    found = move(mechanism, LAB.state((0, 0, 1.1), (0, 0, 0)), np.linspace(0, 1.5, 151), 1e-3)
+    assert LAB.centre(found, 100)[0][2] - 0.1 == pytest.approx(0.0612555656575454, abs=5e-3)
+    assert LAB.centre(found)[0][2] == pytest.approx(0.1, abs=1e-3)
+    for speed, rebound in ((0.19, 0.0), (0.25, 0.125)):
+        found = move(replace(mechanism, gravity=np.zeros(3)), LAB.state((0, 0, 0.11), (0, 0, -speed)), [0.0, 0.1], 1e-3)
+        assert LAB.centre(found)[1][2] == pytest.approx(rebound, abs=2e-5)
+        assert LAB.axes.T[2] @ found.contact_impulse[1, 0] == pytest.approx(2.0 * (speed + rebound), rel=1e-4)
+
+
+def released(mechanism, angle, rate=0.0):
+    return initial_state(mechanism, Initial({"hinge": {"angle": angle}}, {"hinge": {"angle": rate}}))
+
+
+def angles(mechanism, answer):
+    hinge, states = mechanism.joints[0], (answer.state(n) for n in range(len(answer.time)))
+    return np.array([joint_coordinates(hinge, relative_motion(mechanism, s, hinge))["angle"] for s in states])
+
+
+@pytest.mark.parametrize("end", ["lower", "upper"])
+def test_a_pendulum_falls_on_a_stop(end):
+    sense = 1.0 if end == "lower" else -1.0
+    mechanism = pendulum(LAB, stop={end: 0.3 * sense})
+    found = move(mechanism, released(mechanism, sense), np.linspace(0, 0.6, 61), 1e-3)
+    q = sense * angles(mechanism, found)
+    assert found.time[np.argmax(q < 0.3 + 1e-6)] == pytest.approx(0.35370093125674, abs=1.1e-2)
+    assert q[-1] == pytest.approx(0.3, abs=1e-6)
+    at = instant(mechanism, released(mechanism, 0.3 * sense))
+    np.testing.assert_allclose(at.alpha_WB_W, 0.0, atol=1e-7)
+
+
+def test_dry_friction_stops_a_pendulum_in_its_dead_band():
+    mechanism = pendulum(LAB, bound=0.5)
+    found = move(mechanism, released(mechanism, 1.5), np.linspace(0.0, 6.0, 13), 2e-3)
+    assert angles(mechanism, found)[-1] == pytest.approx(0.0994902036052787, abs=1e-4)
+    for angle, rate, moment in ((1.5, 0.0, 0.5), (1.5, -1.0, 0.5), (0.1, 0.05, -0.5), (0.1, 0.0, 4.905 * np.sin(0.1))):
+        at = instant(mechanism, released(mechanism, angle, rate))
+        alpha = at.alpha_WB_W[0, 0] @ mechanism.joints[0].F.R[:, 2]
+        assert alpha == pytest.approx(3 * (moment - 4.905 * np.sin(angle)), abs=1e-6)
+
+
+def test_a_reversed_joint_has_its_stops_at_the_right_ends():
+    body = Body("wheel", 1.0, np.zeros(3), 0.5 * np.eye(3), HERE)
+    hinge = Joint("hinge", "revolute", "wheel", GROUND, HERE, HERE)
+    mechanism = Mechanism("stopped", np.zeros(3), (body,), (hinge,), stops=(Stop("stop", "hinge", "angle", -1.0, 0.2),))
+    found = move(mechanism, released(mechanism, 0.0, -3.0), np.linspace(0, 0.5, 51), 1e-3)
+    assert angles(mechanism, found)[-1] == pytest.approx(-1.0, abs=1e-9)
+
+
+def test_instants_slide_and_roll():
+    push, r = (3.0, 1.0, 0.0), 0.11
+    mechanism = ball(r, loads=[push], friction=0.5)
+    for state, expected, force in (
+        (LAB.state((0, 0, r), (3, 0, 0), (0, 0, 4)), [1.5 - 0.5 * G, 0.5, 0.0], 2 * G * np.array([-0.5, 0, 1])),
+        (LAB.state((0, 0, r), (1, 0.5, 0), (-0.5 / r, 1 / r, 4)), [15 / 14, 5 / 14, 0], [-6 / 7, -2 / 7, 2 * G]),
+    ):
+        at = instant(mechanism, state)
+        np.testing.assert_allclose(LAB.acceleration(at, state)[0], expected, atol=1e-6)
+        np.testing.assert_allclose(LAB.axes.T @ at.contact_force[0, 0], force, atol=2e-6)
+
+
+def test_an_instant_of_a_turning_tip_is_refused_and_one_at_rest_is_not():
+    R = turned(0.0, 0.8, 0.0)
+    mechanism = LAB.free_body(1.0, (1 / 12, 1 / 12, 1e-3), LEVEL, LAB.points([[0.0, 0.0, -0.5]]))
+    with pytest.raises(ArithmeticError, match=r"foot 0.*bodies turn"):
+        instant(mechanism, LAB.state(R @ [0, 0, 0.5], (0, 0, -np.sin(0.8)), (0, 2.0, 0), R))
+    at = instant(mechanism, LAB.state(R @ [0, 0, 0.5], (0, 0, 0), turn=R))
+    assert LAB.axes.T[2] @ at.contact_force[0, 0] == pytest.approx(G / (1 + 3 * np.sin(0.8) ** 2), rel=1e-6)
+    with pytest.raises(ArithmeticError, match="an impact"):
+        instant(mechanism, LAB.state(R @ [0, 0, 0.5], (0, 0, -1.0), turn=R))
+
+
+def test_a_box_at_rest_on_a_steep_slope_tips_about_its_edge():
+    mechanism = box(LAB, incline(25.0), (0.1, 0.1, 0.3), moments=(0.4 / 6, 0.4 / 6, 0.08 / 6), friction=0.6)
+    state = LAB.state((0, 0, 0.3), (0, 0, 0))
+    at = instant(mechanism, state)
+    np.testing.assert_allclose(LAB.acceleration(at, state)[1], [0, 2.66008203914944, 0], atol=1e-5)
+    np.testing.assert_allclose(LAB.axes.T @ at.contact_force[0, 0], [-6.69572107, 0.0, 18.31377519], atol=1e-5)
+
+
+def test_the_force_is_on_the_body_also_where_the_body_is_the_ground():
+    r = 0.2
+    plane = (LAB.in_body([0, 0, -0.3]), -LAB.principal[:, 2])
+    pad = SpherePlane("pad", GROUND, LAB.origin, r, "body", *plane, friction=0.4)
+    mechanism = LAB.free_body(2.0, (0.1, 0.2, 0.15), LEVEL, [pad])
+    at = instant(mechanism, LAB.state((0, 0, r + 0.3), (0, 0, 0)))
+    np.testing.assert_allclose(LAB.axes.T @ at.contact_force[0, 0], [0, 0, -2.0 * G], atol=1e-5)
+
+
+def test_each_contact_of_a_body_has_its_own_law_and_touches_its_partner_alone():
+    """Two feet with friction 0.1 and 0.7 in the plane of symmetry: the deceleration is that of the loads on each."""
+    near, far = LAB.points([[0.3, 0, -0.1], [-0.3, 0, -0.1]])
+    far = replace(far, friction=0.7)
+    side = LAB.points([[0.0, 0.4, -0.1], [0.0, -0.4, -0.1]])  # smooth; they keep the body upright
+    ghost = replace(LAB.sphere(0.5, "ghost"), point=LAB.origin - 10 * LAB.axes[:, 2])  # of a floor far below
+    mechanism = LAB.free_body(
+        2.0,
+        (0.07, 0.06, 0.12),
+        LEVEL,
+        [replace(near, friction=0.1), far, *(replace(s, name=f"side {s.name}") for s in side), ghost],
+    )
+    state = LAB.state((0, 0, 0.1), (3.0, 0, 0))
+    at = instant(mechanism, state)
+    forces = at.contact_force[0] @ LAB.axes
+    np.testing.assert_allclose(forces[0, 0], -0.1 * forces[0, 2], atol=1e-5)
+    np.testing.assert_allclose(forces[1, 0], -0.7 * forces[1, 2], atol=1e-5)
+    assert forces[1, 2] > 1.0
+    np.testing.assert_allclose(forces[2:, :2], 0.0, atol=1e-6)
+    np.testing.assert_allclose(forces[4], 0.0, atol=1e-12)
+    assert np.sum(forces[:, 2]) == pytest.approx(2.0 * G, rel=1e-6)
+
+
+def test_a_capsule_lies_on_both_ends():
+    ends = [LAB.in_body([x, 0.0, 0.0]) for x in (-0.2, 0.3)]
+    capsule = CapsulePlane("capsule", "body", *ends, 0.1, GROUND, LAB.origin, LAB.axes[:, 2])
+    mechanism = LAB.free_body(2.0, (0.07, 0.06, 0.12), LEVEL, [capsule])
+    found = move(mechanism, LAB.state((0, 0, 0.1), (1.0, 0, 0)), [0.0, 0.1], 1e-2)
+    p, _, w = LAB.centre(found)
+    np.testing.assert_allclose(p, [0.1, 0, 0.1], atol=1e-6)
+    np.testing.assert_allclose(w, 0.0, atol=1e-6)
+
+
+def test_a_shaken_table_throws_the_ball():
+    table = Body("table", 5.0, np.array([0.02, 0.03, -0.01]), 0.3 * np.eye(3), HERE)
+    thrown = Body("ball", 2.0, np.zeros(3), 8e-3 * np.eye(3), Frame(np.array([0, 0, 0.1]), np.eye(3)))
+    joints = (
+        Joint("lift", "prismatic", GROUND, "table", HERE, HERE),
+        Joint("free", "free", GROUND, "ball", HERE, HERE),
+    )
+    rest = SpherePlane("rest", "ball", np.zeros(3), 0.1, "table", np.zeros(3), np.array([0, 0, 1.0]))
+    shake = Drive("shake", "lift", "distance", sine(0.02, 30.0))
+    mechanism = Mechanism("shaken", LEVEL, (table, thrown), joints, drives=(shake,), contacts=(rest,))
+    state = initial_state(mechanism, Initial(velocities={"ball": ((0, 0, 0.6), (0, 0, 0))}))
+    found = move(mechanism, state, np.linspace(0, 0.2, 101), 5e-4)
+    leaves = found.time[np.argmax(found.contact_gap[:, 0] > 1e-6)]
+    assert leaves == pytest.approx(0.0192129704912066, abs=5e-3)
+    np.testing.assert_allclose(found.p_WB[-1, :, 2] - [0.02 * np.sin(6.0)], [0, 0.1], atol=1e-3)
+    total = np.sum(found.contact_impulse[:, 0, 2])
+    assert total == pytest.approx(2.0 * (found.v_WB_W[-1, 1, 2] - 0.6 + G * 0.2), rel=1e-4)
+
+
+def test_what_dart_cannot_state_is_named():
+    engine = DartEngine()
+
+    def refused(mechanism, question=Question.TRAJECTORY):
+        return " ".join(f"{u.feature} {u.reason}" for u in engine.unsupported(mechanism, question))
+
+    assert "pyramid cone" in refused(ball(friction=0.2, cone=Cone("pyramid")))
+    assert "DART has one coefficient" in refused(ball(friction=0.2, static_friction=0.3))
+    assert "do not bounce" in refused(pendulum(LAB, stop={"lower": 0.0, "restitution": 0.5}))
+    with pytest.raises(InvalidInput, match="brake"):
+        export_model("braked", pendulum(LAB, bound=0.1), released(pendulum(LAB, bound=0.1), 0.2))
+
+
+def test_routes():
+    methods = DartEngine().methods(ball(friction=0.2), Question.TRAJECTORY)
+    assert [m.route for m in methods] == [Route.TUNED, Route.EXTRAPOLATED, Route.NATIVE]
+    assert [m.contact_law.split(";")[0] for m in methods[:2]] == ["circle"] * 2
