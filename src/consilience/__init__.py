@@ -13,7 +13,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # the names once more for type checkers, which do not see those of `__getattr__`
-    from collections.abc import Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from numpy.typing import ArrayLike
 
@@ -29,6 +29,7 @@ if TYPE_CHECKING:  # the names once more for type checkers, which do not see tho
     from consilience.errors import CannotAssemble as CannotAssemble
     from consilience.errors import ConsilienceError as ConsilienceError
     from consilience.errors import InvalidInput as InvalidInput
+    from consilience.mechanism import Array
     from consilience.mechanism import Body as Body
     from consilience.mechanism import Control as Control
     from consilience.mechanism import Coupling as Coupling
@@ -55,6 +56,7 @@ if TYPE_CHECKING:  # the names once more for type checkers, which do not see tho
     from consilience.reference.formulations.body_velocities import AppliedForces
     from consilience.report.agreement import Agreement as Agreement
     from consilience.report.simulation import Simulation as Simulation
+    from consilience.report.study import Study as Study
     from consilience.suite import run_suite as run_suite
 
 _NAMES = {
@@ -66,6 +68,7 @@ _NAMES = {
     "reference": "accelerations initial_state",
     "report.agreement": "Agreement",
     "report.simulation": "Simulation",
+    "report.study": "Study",
     "suite": "run_suite",
 }
 """Names of the library by module."""
@@ -73,7 +76,7 @@ _NAMES = {
 _MODULES = {name: module for module, names in _NAMES.items() for name in names.split()}
 
 __all__ = list(_MODULES)
-__all__ += ["compare", "simulate"]
+__all__ += ["compare", "simulate", "simulate_many", "study"]
 
 
 def __getattr__(name: str) -> Any:
@@ -151,6 +154,121 @@ def simulate(
     else:
         answer = integrate(mechanism, start, grid, tolerance, form, integrator, forces, assemble)
     return Simulation.of(mechanism, answer)
+
+
+def study(
+    case: Case | Mechanism | Drawing,
+    parameters: Mapping[str, ArrayLike],
+    duration: float | None = None,
+    sample: float | None = None,
+    tolerance: float = 1e-9,
+    paired: bool = False,
+) -> Study:
+    """Integrate the motions of a mechanism with many values of its parameters, by one compiled model on all cores.
+
+    Parameters
+    ----------
+    case : Case, Mechanism or Drawing
+        What starts at given joint coordinates is a case; others start in the drawing, at rest.
+    parameters : mapping of str to array_like, shape (n,)
+        Values by name, SI units: ``upper.mass``, ``upper.com[2]``, ``elbow.place[2]`` (of the joint, in the drawing),
+        ``spring.stiffness``, ``gravity[2]``, ``initial.coordinates.elbow.angle``, ...; all names are
+        `consilience.reference.analyses.parameter_paths`.
+    duration, sample : float, s, optional
+        Span and sampling interval; default: those of the case.
+    tolerance : float
+        As in `simulate`, scaled by the characteristic length of the mechanism as it is given.
+    paired : bool
+        Whether the values are taken row by row; else all combinations are.
+
+    Raises
+    ------
+    InvalidInput
+        An unknown parameter, with the nearest names, or an impossible value. A set that cannot be assembled or
+        integrated is in ``failures`` of the study.
+    """
+    import numpy as np  # noqa: PLC0415 - names of the library are imported at their first use
+
+    from consilience.reference.analyses.many_motions import changed_cases  # noqa: PLC0415
+
+    given = _case(case).with_span(duration, sample)
+    columns = {name: np.atleast_1d(np.asarray(values)) for name, values in parameters.items()}
+    cases = changed_cases(given, columns, not paired)
+    return _motions(given, columns, not paired, [c.mechanism for c in cases], [c.initial for c in cases], tolerance)
+
+
+def simulate_many(
+    case: Case | Mechanism | Drawing,
+    states: Sequence[State],
+    duration: float | None = None,
+    sample: float | None = None,
+    tolerance: float = 1e-9,
+) -> Study:
+    """Integrate the motions of a mechanism from many states, by one compiled model on all cores.
+
+    Parameters
+    ----------
+    case : Case, Mechanism or Drawing
+    states : sequence of State
+        Consistent states at the time zero, for example of `random_states`.
+    duration, sample, tolerance
+        As in `study`.
+
+    Raises
+    ------
+    InvalidInput
+        There are no states, or one is not of this mechanism. A state that is not consistent is in ``failures``.
+    """
+    from consilience.errors import InvalidInput  # noqa: PLC0415 - names of the library are imported at their first use
+    from consilience.mechanism import require_states  # noqa: PLC0415
+
+    given = _case(case).with_span(duration, sample)
+    require_states(given.mechanism, states)
+    if not states:
+        raise InvalidInput("states", "there are none", "Give a list of states, for example of random_states.")
+    return _motions(given, {}, False, [given.mechanism] * len(states), states, tolerance)
+
+
+def _case(given: Case | Mechanism | Drawing) -> Case:
+    from consilience.case import Case, Drawing  # noqa: PLC0415
+    from consilience.mechanism import require_states  # noqa: PLC0415
+
+    if isinstance(given, Drawing):
+        return given.case()
+    if not isinstance(given, Case):
+        require_states(given, ())
+        return Case.of(given)
+    return given
+
+
+def _motions(
+    case: Case,
+    parameters: Mapping[str, Array],
+    grid: bool,
+    mechanisms: Sequence[Mechanism],
+    starts: Sequence[State | Initial],
+    tolerance: float,
+) -> Study:
+    """Integrate many motions, and show the progress on a terminal."""
+    from consilience.reference.analyses.many_motions import simulate_many as integrate  # noqa: PLC0415
+    from consilience.report.study import Study  # noqa: PLC0415
+
+    found = integrate(case.mechanism, mechanisms, starts, case.times, tolerance, progress=_progress(len(mechanisms)))
+    arrays = {name: getattr(found, name) for name in ("p_WB", "quat_WB", "v_WB_W", "w_WB_W")}
+    failures, rebuilt = dict(sorted(found.failures.items())), tuple(sorted(found.rebuilt))
+    return Study(case, parameters, grid, mechanisms, found.time, arrays, failures, rebuilt)
+
+
+def _progress(total: int) -> Callable[[int], None] | None:
+    """Return the function that shows on a terminal how many motions there are; None elsewhere."""
+    if not sys.stderr.isatty():
+        return None
+
+    def show(done: int) -> None:
+        sys.stderr.write(f"\r{done} of {total} motions" + "\n" * (done == total))
+        sys.stderr.flush()
+
+    return show
 
 
 def _compare(

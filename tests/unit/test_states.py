@@ -82,9 +82,10 @@ def test_a_parameter_set_moves_as_a_mechanism_of_its_own(name):
     mechanism, times = ALL[name], np.linspace(0.0, 0.4, 5)
     changed = [with_parameter(mechanism, path, value) for path, values in CHANGES[name].items() for value in values]
     states = [plain.initial_state(m) for m in changed]
-    sets = ParameterSets(changed)
+    sets = ParameterSets(mechanism, changed)
     for n in [*range(len(changed)), 0]:
-        found = sets.simulate(n, states[n], times, 1e-10)
+        sets.select(n)
+        found = sets.simulate(states[n], times, 1e-10)
         expected = simulate(changed[n], states[n], times, 1e-10, "relative")
         assert np.allclose(found.p_WB, expected.p_WB, rtol=0.0, atol=1e-8), n
         assert np.allclose(found.w_WB_W, expected.w_WB_W, rtol=0.0, atol=1e-7), n
@@ -93,4 +94,4 @@ def test_a_parameter_set_moves_as_a_mechanism_of_its_own(name):
 def test_a_set_that_leaves_the_plane_of_the_first_is_another_structure():
     mechanism = load_case("double_pendulum").mechanism
     with pytest.raises(OtherStructure):
-        ParameterSets([mechanism, with_parameter(mechanism, f"joint.{mechanism.joints[1].name}.F.turn[0]", 0.1)])
+        ParameterSets(mechanism, [with_parameter(mechanism, f"joint.{mechanism.joints[1].name}.F.turn[0]", 0.1)])

@@ -138,11 +138,39 @@ def to_xarray(mechanism: Mechanism, answer: TrajectoryAnswer) -> xarray.Dataset:
     return found.assign_attrs(about | dict(answer.counters))
 
 
-def _dataset(xr: Any, time: Array, bodies: list[str], arrays: Mapping[str, Array]) -> Any:
-    """Make a dataset of observables by name."""
+def many_to_xarray(
+    mechanism: Mechanism, time: Array, arrays: Mapping[str, Array], parameters: Mapping[str, Array], grid: bool
+) -> xarray.Dataset:
+    """Convert motions of many sets to one dataset.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    time : ndarray, shape (n_t,), s
+    arrays : mapping of str to ndarray
+        Observables; dimensions of the sets in front.
+    parameters : mapping of str to ndarray
+    grid : bool
+        Whether each parameter is a dimension; else the one dimension is ``set``, and parameters are its coordinates.
+
+    Raises
+    ------
+    InvalidInput
+        If xarray is not installed.
+    """
+    xr = _library("xarray")
+    sets = tuple(parameters) if grid else ("set",)
+    found = _dataset(xr, time, [b.name for b in mechanism.bodies], arrays, sets)
+    about = {"title": f"motions of {mechanism.name}", "frame": "W: world, right-handed", "conventions": "SI, radians"}
+    own = {name: (name if grid else "set", values) for name, values in parameters.items()}
+    return found.assign_coords(own).assign_attrs(about)
+
+
+def _dataset(xr: Any, time: Array, bodies: list[str], arrays: Mapping[str, Array], sets: tuple[str, ...] = ()) -> Any:
+    """Make a dataset of observables by name, with dimensions for sets in front."""
     variables = {
         name: (
-            ("time", "body", "axis" if parts is AXES else "parameter"),
+            (*sets, "time", "body", "axis" if parts is AXES else "parameter"),
             np.asarray(arrays[name]),
             {"units": unit, "long_name": label},
         )

@@ -10,12 +10,16 @@ A path is the kind and name of an element, a field, and an index if the field is
 ``turn[k]`` of a frame or quaternion is the angle, rad, of an additional rotation about its own axis k; its value is
 zero. ``turn[k]`` of a direction (axis and normal of a rolling body, lateral of a skate) is about axis k of the
 direction's frame. A product of inertia is one parameter for both entries; so are the ends of a periodic table.
+
+``joint.pin.place[k]`` moves both frames of a joint: it is a coordinate of the origin of F in the drawing, world axes.
+The kind may be left out where one element alone has the name and the field: ``rod.mass``, ``pin.place[2]``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields, is_dataclass, replace
+from difflib import get_close_matches
 from functools import lru_cache
 from typing import Any, TypeVar
 
@@ -24,6 +28,7 @@ import numpy as np
 from consilience.case import Case
 from consilience.errors import InvalidInput
 from consilience.mechanism import (
+    GROUND,
     Array,
     Frame,
     Mechanism,
@@ -42,7 +47,8 @@ _ONLY_OF = {"length": "rod", "pitch": "screw"}
 
 PathStep = tuple[str, Any]
 """Step from an object to a part: ("field", name), ("key", key), ("item", index), ("entry", indices) of an array,
-("mirrored", indices) of a symmetric matrix, ("ends", None) of a periodic table, ("turn", axis)."""
+("mirrored", indices) of a symmetric matrix, ("ends", None) of a periodic table, ("turn", axis); of a mechanism
+("place", (joint, axis))."""
 
 
 def parameter_paths(subject: Mechanism | Case) -> tuple[str, ...]:
@@ -78,8 +84,24 @@ def with_parameter(subject: T, path: str, value: float) -> T:
     InvalidInput
         Unknown path (the message lists known ones), or an impossible value.
     """
-    changed: T = _changed(subject, _steps(subject, path), float(value))
-    return changed
+    return change_of(subject, path)(subject, value)
+
+
+def change_of(subject: T, path: str) -> Callable[[T, float], T]:
+    """Return the function that gives a parameter another value, as `with_parameter`, in this subject or one like it.
+
+    Raises
+    ------
+    InvalidInput
+        Unknown path.
+    """
+    steps = _steps(subject, path)
+
+    def change(given: T, value: float) -> T:
+        changed: T = _changed(given, steps, float(value))
+        return changed
+
+    return change
 
 
 def array_around(subject: Mechanism | Case, path: str) -> Array:
@@ -89,10 +111,13 @@ def array_around(subject: Mechanism | Case, path: str) -> Array:
     return np.atleast_1d(np.asarray(_part(subject, whole), dtype=float))
 
 
-def _parameters(subject: Mechanism | Case) -> dict[str, tuple[PathStep, ...]]:
+def _parameters(subject: Mechanism | Case, places: bool = False) -> dict[str, tuple[PathStep, ...]]:
+    """Return all parameters by path, with those of the places of joints, or without them."""
+    mechanism = subject if isinstance(subject, Mechanism) else subject.mechanism
+    own = _inventory(mechanism) | (dict(_places(mechanism)) if places else {})
     if isinstance(subject, Mechanism):
-        return _inventory(subject)
-    found = {path: (("field", "mechanism"), *steps) for path, steps in _inventory(subject.mechanism).items()}
+        return own
+    found = {path: (("field", "mechanism"), *steps) for path, steps in own.items()}
     return found | dict(_inside(subject.initial, "initial", (("field", "initial"),)))
 
 
@@ -112,6 +137,12 @@ def _of_mechanism(mechanism: Mechanism) -> Iterator[tuple[str, tuple[PathStep, .
                 yield from _inside(element, f"{kind}.{element.name}", (*here, ("item", n)))
         else:
             yield from _inside(value, field.name, here)
+
+
+def _places(mechanism: Mechanism) -> Iterator[tuple[str, tuple[PathStep, ...]]]:
+    for n, joint in enumerate(mechanism.joints):
+        for axis in range(3):
+            yield f"joint.{joint.name}.place[{axis}]", (("place", (n, axis)),)
 
 
 def _inside(value: Any, path: str, steps: tuple[PathStep, ...]) -> Iterator[tuple[str, tuple[PathStep, ...]]]:
@@ -164,13 +195,20 @@ def _is_numeric(value: Any) -> bool:
 
 
 def _steps(subject: Mechanism | Case, path: str) -> tuple[PathStep, ...]:
-    known = _parameters(subject)
+    known = _parameters(subject, places=True)
     wanted = path.replace(" ", "").replace("][", ",")
     head, bracket, tail = wanted.rpartition("[")
     swapped = f"{head}[{','.join(reversed(tail[:-1].split(',')))}]" if bracket else wanted
     for candidate in (path, wanted, swapped):
         if candidate in known:
             return known[candidate]
+    short = [p for p in known if p.partition(".")[2] in (path, wanted, swapped)]
+    if len(short) == 1:
+        return known[short[0]]
+    if short:
+        raise InvalidInput(f"parameter '{path}'", "several parts have it", f"Say which: {', '.join(short)}.")
+    found = get_close_matches(wanted, [*known, *(p.partition(".")[2] for p in known)], n=3, cutoff=0.75)
+    nearest = f"Nearest: {', '.join(found)}. " if found else ""
     start = path
     while start and not any(p.startswith(start) for p in known):
         start = start[:-1]
@@ -180,7 +218,7 @@ def _steps(subject: Mechanism | Case, path: str) -> tuple[PathStep, ...]:
     else:
         near = sorted({p.split(".")[0].split("[")[0] for p in known})
     listed = ", ".join(near[:24]) + (", ..." if len(near) > 24 else "")
-    raise InvalidInput(f"parameter '{path}'", "there is none of that name", f"There are: {listed}.")
+    raise InvalidInput(f"parameter '{path}'", "there is none of that name", f"{nearest}There are: {listed}.")
 
 
 def _part(value: Any, steps: tuple[PathStep, ...]) -> Any:
@@ -197,6 +235,7 @@ _READ: dict[str, Callable[[Any, Any], Any]] = {
     "mirrored": lambda value, index: np.asarray(value)[index],
     "ends": lambda value, _: value[0],
     "turn": lambda value, axis: 0.0,
+    "place": lambda mechanism, which: _place(mechanism, which[0])[which[1]],
 }
 
 
@@ -204,8 +243,35 @@ def _changed(value: Any, steps: tuple[PathStep, ...], new: float) -> Any:
     if not steps:
         return new
     (kind, which), rest = steps[0], steps[1:]
-    inner = new if kind in ("entry", "mirrored", "ends", "turn") else _changed(_READ[kind](value, which), rest, new)
+    inner = (
+        new
+        if kind in ("entry", "mirrored", "ends", "turn", "place")
+        else _changed(_READ[kind](value, which), rest, new)
+    )
     return _WRITE[kind](value, which, inner)
+
+
+def _place(mechanism: Mechanism, joint: int) -> Array:
+    """Return the origin of F of a joint in the drawing, world axes, m."""
+    own = mechanism.joints[joint]
+    body = _drawn(mechanism, own.predecessor)
+    place: Array = body.p + body.R @ own.F.p
+    return place
+
+
+def _drawn(mechanism: Mechanism, name: str) -> Frame:
+    return Frame(np.zeros(3), np.eye(3)) if name == GROUND else mechanism.bodies[mechanism.body_index[name]].drawing
+
+
+def _moved(mechanism: Mechanism, which: tuple[int, int], new: float) -> Mechanism:
+    """Move both frames of a joint so that a coordinate of the origin of F in the drawing has a new value."""
+    n, axis = which
+    joint, step = mechanism.joints[n], np.zeros(3)
+    step[axis] = new - _place(mechanism, n)[axis]
+    ends = ((joint.predecessor, joint.F), (joint.successor, joint.M))
+    F, M = (Frame(end.p + _drawn(mechanism, body).R.T @ step, end.R) for body, end in ends)
+    joints = (*mechanism.joints[:n], replace(joint, F=F, M=M), *mechanism.joints[n + 1 :])
+    return replace(mechanism, joints=joints)
 
 
 def _with_entries(value: Any, indices: tuple[Any, ...], new: float) -> Array:
@@ -231,4 +297,5 @@ _WRITE: dict[str, Callable[[Any, Any, Any], Any]] = {
     "mirrored": lambda value, index, new: _with_entries(value, (index, index[::-1]), new),
     "ends": lambda value, _, new: _with_entries(value, (0, -1), new),
     "turn": _turned,
+    "place": _moved,
 }

@@ -224,12 +224,14 @@ class CompiledAssembly:
         self._sizes = row_sizes(mechanism)
         self._held: dict[tuple[tuple[tuple[str, str], ...], ...], _HeldArrays] = {}
 
-    def assemble(self, mechanism: Mechanism, start: Start, t: float) -> State:
-        """Return the consistent state of a mechanism whose numbers the arrays hold; see `mechanism.assembly.assemble`.
+    def assemble(self, start: Start, t: float) -> State | None:
+        """Return the consistent state of the mechanism whose numbers the arrays hold; None if anything is in doubt.
 
-        Raises
-        ------
-        CannotAssemble
+        Parameters
+        ----------
+        start : Start
+            Of this mechanism, or of one whose joints have the same names and kinds.
+        t : float, s
         """
         key = tuple(tuple((joint.name, name) for joint, name, _ in held) for held in start[1:])
         if key not in self._held:
@@ -246,7 +248,7 @@ class CompiledAssembly:
             by.velocities, by.rates, t
         ):
             return State(pose[:, :3], pose[:, 3:], self._length * v[:, :3], v[:, 3:])
-        return assemble(mechanism, start, t)
+        return None
 
     def _arrays(self, start: Start) -> _HeldArrays:
         model, n = self._model, len(self._com)
@@ -287,6 +289,6 @@ def initial_state(mechanism: Mechanism, initial: Initial | None = None, t: float
     require_states(mechanism, ())
     start, idle = checked_start(mechanism, initial), _idle(mechanism)
     assembly = idle.pop() if idle else CompiledAssembly(mechanism)
-    found = assembly.assemble(mechanism, start, float(t))
+    found = assembly.assemble(start, float(t))
     idle.append(assembly)
-    return found
+    return assemble(mechanism, start, float(t)) if found is None else found

@@ -2,7 +2,7 @@
 
 Mechanisms that differ in numbers alone have the same tree, rows and elements. Their numbers are computed for all sets
 at once, in arrays with an axis for the sets in front, and one set at a time is written into the arrays that the kernels
-read. Tolerances are scaled by the characteristic length of the first set.
+read.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from consilience.reference.bodies.arrays import Model, model_arrays
 from consilience.reference.bodies.spanning_tree import TreeModel
 from consilience.reference.tree.arrays import link_constants, link_records
 from consilience.reference.tree.loop_rows import cut_joints
-from consilience.reference.tree.planar_detection import planar_system
+from consilience.reference.tree.planar_detection import planar_numbers
 from consilience.reference.tree.solver import PreparedMechanism, longest_step, prepare, simulate_prepared
 
 
@@ -31,47 +31,64 @@ class ParameterSets:
 
     Parameters
     ----------
+    base : Mechanism
+        Its characteristic length scales the tolerances of all.
     mechanisms : sequence of Mechanism
+
+    Attributes
+    ----------
+    model, com : Model and ndarray, shape (n_b, 3), m
+        Arrays and centres of mass of the selected mechanism.
 
     Raises
     ------
     OtherStructure
-        A mechanism has other joints or elements, or does not move in the plane of the first one.
+        A mechanism has other joints or elements than the base, or moves in a plane and the base does not.
     """
 
-    def __init__(self, mechanisms: Sequence[Mechanism]) -> None:
-        self.mechanisms, self._prepared = mechanisms, prepare(mechanisms[0])
-        self._numbers = list(_numbers(self._prepared, mechanisms))
+    def __init__(self, base: Mechanism, mechanisms: Sequence[Mechanism]) -> None:
+        self._mechanisms, self._prepared, self._selected = mechanisms, prepare(base), 0
+        self._numbers = list(_numbers(self._prepared, base, mechanisms))
+        self.model, self.com = self._prepared.model, self._prepared.links.com
 
-    def simulate(self, n: int, state: State, times: Array, tolerance: float) -> TrajectoryAnswer:
-        """Return the motion of the n-th mechanism; arguments and errors as in `consilience.reference.simulate`."""
+    def select(self, n: int) -> None:
+        """Write the numbers of the n-th mechanism into the arrays."""
+        self._selected = n
         for array, values in self._numbers:
             array[...] = values[n]
-        prepared = self._prepared._replace(longest=longest_step(self._prepared.model))
-        return simulate_prepared(prepared, self.mechanisms[n], state, times, tolerance)
+
+    def simulate(self, state: State, times: Array, tolerance: float) -> TrajectoryAnswer:
+        """Return the motion of the selected mechanism; see `consilience.reference.simulate`."""
+        prepared = self._prepared
+        if len(prepared.model.functions.period):
+            prepared = prepared._replace(longest=longest_step(prepared.model))
+        return simulate_prepared(prepared, self._mechanisms[self._selected], state, times, tolerance)
 
 
-def _numbers(prepared: PreparedMechanism, mechanisms: Sequence[Mechanism]) -> Iterator[tuple[Array, Array]]:
-    """Yield the arrays of a prepared mechanism that differ between sets, and their values, the sets in front."""
-    model = _stacked([model_arrays(m) for m in mechanisms])
+def _numbers(
+    prepared: PreparedMechanism, base: Mechanism, mechanisms: Sequence[Mechanism]
+) -> Iterator[tuple[Array, Array]]:
+    """Yield the arrays of the base that differ in a set, and their values, the sets in front."""
+    models = [model_arrays(m) for m in mechanisms]
+    _stacked([model_arrays(base), models[0]])
+    model = _stacked(models)
     spanning = _stacked_tree(prepared, model)
     com = np.array([[body.com for body in m.bodies] for m in mechanisms])
     links = prepared.links._replace(constants=link_constants(spanning, model), com=com)
     given: list[tuple[Any, Any]] = [(prepared.model, model), (prepared.cut, spanning.cut), (prepared.links, links)]
     system = prepared.tree_system
     if system.planar is not None:
-        found = planar_system(mechanisms[0], links, spanning, model)
+        found = planar_numbers(links, spanning, model)
         if found is None:
             raise OtherStructure
-        given += [(system.tree.link, found.tree.link), (system.tree.free, found.tree.free)]
-        given.append((system.planar, found.planar))
+        given += [(system.tree.link, found.link), (system.tree.free, found.free), (system.planar, found.planar)]
     elif system.spatial is not None:
         given += [(system.tree.link, link_records(links, model.gravity))]
         given.append((system.spatial.joints, cut_joints(spanning, model)))
     for array, values in _pairs(given):
         if values.shape[1:] != array.shape:
             raise OtherStructure
-        if np.any(values != values[:1]):
+        if np.any(values != array):
             yield array, values
 
 
@@ -84,7 +101,7 @@ def _stacked(given: Sequence[Any]) -> Any:
         if any(one.shape != first.shape for one in given):
             raise OtherStructure
         return np.stack(given)
-    if isinstance(first, np.ndarray) and any(not np.array_equal(one, first) for one in given):
+    if isinstance(first, np.ndarray) and any(one.tobytes() != first.tobytes() for one in given):
         raise OtherStructure
     return first
 

@@ -303,16 +303,19 @@ def _bodies(links: TreeLinks, zero: _ZeroPose, bases: Array) -> Array:
     return found
 
 
-def planar_system(mechanism: Mechanism, links: TreeLinks, spanning: TreeModel, model: Model) -> TreeSystem | None:
-    """Return the arrays of a mechanism in a plane, in place of those of `arrays.tree_system`.
+class PlanarNumbers(NamedTuple):
+    """Arrays of a mechanism in a plane, of one parameter set or, with an axis for them in front, of many."""
 
-    Numbers of many parameter sets (`parameter_sets`) have an axis for the sets in front; all sets move in the planes of
-    the first.
+    link: Array  # (..., n_b + 1) of PLANAR_LINK
+    free: Array  # (..., N) of PLANAR_FREE
+    planar: PlanarArrays
+    cut: Model  # with the rows that do not hold for every motion in the plane
 
-    Returns
-    -------
-    TreeSystem or None
-        None if a link may move out of the plane or rolls, or an element reads the turns of a joint that closes a loop.
+
+def planar_numbers(links: TreeLinks, spanning: TreeModel, model: Model) -> PlanarNumbers | None:
+    """Return the arrays of a mechanism in a plane; many parameter sets (`parameter_sets`) move in those of the first.
+
+    None if a link may move out of the plane or rolls, or an element reads the turns of a joint that closes a loop.
     """
     try:
         if len(model.rolling) or len(model.skate):
@@ -343,7 +346,14 @@ def planar_system(mechanism: Mechanism, links: TreeLinks, spanning: TreeModel, m
         force_table=np.concatenate(efforts, axis=-1),
         functions=model.functions,
     )
-    link, free = _link_records(links, model, zero, bases), _free_records(links, zero, bases)
-    tree = tree_arrays(links, model.length, link, free, len(mechanism.controls))
-    loops = find_loop_groups(links.layout, len(links.direction), cut)
-    return TreeSystem(tree, loop_closure(tree, loops, all_rows(cut), 3), None, None, planar)
+    return PlanarNumbers(_link_records(links, model, zero, bases), _free_records(links, zero, bases), planar, cut)
+
+
+def planar_system(mechanism: Mechanism, links: TreeLinks, spanning: TreeModel, model: Model) -> TreeSystem | None:
+    """Return the arrays of a mechanism in a plane, in place of those of `arrays.tree_system`; see `planar_numbers`."""
+    found = planar_numbers(links, spanning, model)
+    if found is None:
+        return None
+    tree = tree_arrays(links, model.length, found.link, found.free, len(mechanism.controls))
+    loops = find_loop_groups(links.layout, len(links.direction), found.cut)
+    return TreeSystem(tree, loop_closure(tree, loops, all_rows(found.cut), 3), None, None, found.planar)
