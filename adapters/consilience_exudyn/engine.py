@@ -19,12 +19,16 @@ from consilience.engine import (
     Unsupported,
     beyond,
     feature_names,
+    motion_of_halved,
 )
 from consilience.mechanism import Array, Mechanism, State
+from consilience_exudyn.contact_methods import HALVINGS, contact_methods
+from consilience_exudyn.contact_motion import can_move, contact_motion
+from consilience_exudyn.contacts import CONTACT_FEATURES, REASONS, is_unilateral
 from consilience_exudyn.kinematic_tree import build_tree, is_one_axis_tree
 from consilience_exudyn.library import POINTWISE, QUIET, SETTINGS, exu
 from consilience_exudyn.maximal import build
-from consilience_exudyn.pointwise import instant_answer, model_answer, tree_instant_answer
+from consilience_exudyn.pointwise import instant_answer, joined, model_answer, tree_instant_answer
 from consilience_exudyn.redundancy import independent_axes, left_out
 from consilience_exudyn.terms import Terms
 from consilience_exudyn.trajectory import Integration, tree_answer, well_conditioned_answer
@@ -46,7 +50,8 @@ _TERMS = "ComputeMassMatrix, ComputeODE2RHS, ComputeJacobianAE"
 FEATURES = feature_names(
     joints="revolute, prismatic, cylindrical, universal, spherical, planar, rigid, rod, free, screw, "
     "point_on_line, point_in_plane, parallel_axes",
-    elements="spring, joint spring, actuator, load, load in time, friction, control, drive, coupling, rolling, skate",
+    elements="spring, joint spring, actuator, load, load in time, friction, control, drive, coupling, rolling, skate, "
+    + CONTACT_FEATURES,
 )
 """Features of a mechanism that the adapter translates; features that are not listed are refused."""
 
@@ -65,6 +70,8 @@ _ELEMENTS = {
     "drive": f"drives: {_USER_ROW}",
     "coupling": f"couplings: {_USER_ROW}",
     "skate": f"skates: {_USER_ROW}",
+    "stop": "stops at an instant: rows of the harness's solve",
+    "dry friction": "dry friction at an instant: effort or row of the harness's solve",
 }
 _ROLLING = {
     False: "sharp-edged discs: ObjectJointRollingDisc, which holds the contact at velocity level",
@@ -108,15 +115,22 @@ class ExudynEngine:
 
     def unsupported(self, mechanism: Mechanism, question: Question) -> tuple[Unsupported, ...]:
         """Return the features without a translation."""
-        return beyond(mechanism, FEATURES, "Exudyn")
+        unknown = beyond(mechanism, FEATURES, "Exudyn", REASONS)
+        if unknown or question is not Question.TRAJECTORY or not is_unilateral(mechanism) or can_move(mechanism):
+            return unknown
+        reason = "explicit integrators take no constraints; implicit ones fail at fixed steps where sliding stops"
+        return (Unsupported("contacts, stops or dry friction beside joints that are not a tree of axes", reason),)
 
     def methods(self, mechanism: Mechanism, question: Question) -> tuple[Method, ...]:
         """Return the methods that answer the question, the headline method first."""
         tree = is_one_axis_tree(mechanism)
         if question is Question.MODEL:
             return (Method("ComputeMassMatrix, ComputeJacobianAE", Route.NATIVE, settings=POINTWISE),)
+        if question is Question.TRAJECTORY and is_unilateral(mechanism):
+            return contact_methods(mechanism)
         if question is Question.INSTANT:
             terms = Method(_TERMS, Route.HARNESS_SOLVE, settings=POINTWISE)
+            tree = tree and not is_unilateral(mechanism)
             return (terms, Method(_TREE_INSTANT, Route.NATIVE, settings=QUIET)) if tree else (terms,)
         sampled = {"solution.sensors.writePeriod": "the sample interval"}
         dropped = left_out(mechanism, self._independent(mechanism))
@@ -141,7 +155,7 @@ class ExudynEngine:
         return tuple(methods)
 
     def manifest(self, mechanism: Mechanism) -> Manifest:
-        """Return the features that the translation keeps exact; nothing is approximated."""
+        """Return the features that the translation keeps exact, and those that motions approximate."""
         exact = [
             "bodies: ObjectRigidBody, inertia moved to the body's origin",
             "joints: constraints without compliance",
@@ -151,7 +165,18 @@ class ExudynEngine:
         exact += [words for kind, words in _ROLLING.items() if kind in rounded]
         dropped = left_out(mechanism, self._independent(mechanism))
         exact += [f"'{name}': dependent {axes} left out in trajectories" for name, axes in dropped.items()]
-        return Manifest(exact=tuple(exact))
+        if mechanism.contacts:
+            exact.append("contacts at an instant: Exudyn's friction where they slide, rows of the harness's solve else")
+        approximated = [
+            f"{what} in a motion: penalty forces, rigid and without creep in the limit of small steps"
+            for what, elements in (
+                ("contacts", mechanism.contacts),
+                ("stops", mechanism.stops),
+                ("dry friction", mechanism.dry_frictions),
+            )
+            if elements
+        ]
+        return Manifest(exact=tuple(exact), approximated=tuple(approximated))
 
     def model(self, mechanism: Mechanism, state: State, method: Method) -> ModelAnswer:
         """Return mass properties and freedom by Exudyn's mass matrix and constraint Jacobian."""
@@ -161,6 +186,8 @@ class ExudynEngine:
         """Return accelerations, reactions and energies at consistent states."""
         if method.name == _TREE_INSTANT:
             return tree_instant_answer(mechanism, states)
+        if mechanism.contacts:  # spheres in place of points are those of one state
+            return joined([instant_answer(self._terms_of(mechanism, state), [state]) for state in states])
         return instant_answer(self._terms_of(mechanism, states[0]), states)
 
     def trajectory(
@@ -173,6 +200,11 @@ class ExudynEngine:
         mechanism, state, times, method, step
             As in `consilience.engine.Engine.trajectory`.
         """
+        if is_unilateral(mechanism):
+            if method.route is Route.EXTRAPOLATED:
+                halved = [step / 2.0**n for n in range(HALVINGS)]
+                return motion_of_halved([contact_motion(mechanism, state, times, h) for h in halved])
+            return contact_motion(mechanism, state, times, step, method.softness or 1.0)
         if method.name == _TREE:
             return tree_answer(build_tree(mechanism, state), times, step)
         held = self._independent(mechanism)
@@ -180,6 +212,6 @@ class ExudynEngine:
         return well_conditioned_answer(mechanism, state, held, integration, times, step)
 
     def _terms_of(self, mechanism: Mechanism, state: State) -> Terms:
-        if self._terms is None or self._terms[0] is not mechanism:
+        if self._terms is None or self._terms[0] is not mechanism or mechanism.contacts:
             self._terms = (mechanism, Terms(build(mechanism, state)))
         return self._terms[1]

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from consilience.engine.native import FRICTION, JET, ROWS, SOLVE, function_data, row_data, script
+from consilience.engine.native import FRICTION, JET, ROWS, SOLVE, function_data, refuse_contacts, row_data, script
 from consilience.mechanism import GROUND, RANK_TOLERANCE, Joint, Mechanism, State, linear
 from consilience_exudyn.constraints import Added, rate_map, rotation
 from consilience_exudyn.efforts import efforts_of
@@ -180,7 +180,13 @@ def export_model(title: str, mechanism: Mechanism, state: State) -> dict[str, st
     mechanism : Mechanism
     state : State
         Initial state of the script.
+
+    Raises
+    ------
+    InvalidInput
+        See `consilience.engine.native.refuse_contacts`.
     """
+    refuse_contacts(mechanism)
     model = build(mechanism, state)
     added = {int(row.index) for row in model.rows}
     native = [int(i) for objects in model.joints for i in objects if int(i) not in added]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from consilience.engine import axis_link
 from consilience.mechanism import GROUND, Array, Mechanism, State, Tree, coordinates, to_elementary_tree
+from consilience_exudyn.constraints import Mark
 from consilience_exudyn.efforts import Coordinate, Integrals, efforts_of, opposed
 from consilience_exudyn.forces import add_springs_and_loads
 from consilience_exudyn.library import add_coordinates, exu, items
@@ -64,7 +65,16 @@ def set_initial(model: KinematicTree, state: State) -> None:
     data.SetODE2Coordinates_t([*(c.rate for c in at), *zero], configuration=exu.ConfigurationType.Initial)
 
 
-def build_tree(mechanism: Mechanism, state: State, outputs: Sequence[str] = MOTION) -> KinematicTree:
+Coordinates = Callable[[str, str], tuple[tuple[Any, Any], float]]
+"""Markers of a joint coordinate, at rest and of the joint, and the sign of the coordinate."""
+
+Touching = Callable[[Any, Mark, Coordinates], None]
+"""Adds contacts, stops and dry friction to a system, with functions for rigid markers and markers of coordinates."""
+
+
+def build_tree(
+    mechanism: Mechanism, state: State, outputs: Sequence[str] = MOTION, touching: Touching | None = None
+) -> KinematicTree:
     """Translate a tree of one-axis joints, with the joint coordinates of a state as initial values.
 
     Parameters
@@ -73,6 +83,8 @@ def build_tree(mechanism: Mechanism, state: State, outputs: Sequence[str] = MOTI
     state : State
     outputs : sequence of str
         Exudyn's output variables that sensors read at the origin of each body.
+    touching : callable, optional
+        Adds contacts, stops and dry friction.
     """
     tree = to_elementary_tree(mechanism)
     container = exu.SystemContainer()
@@ -92,6 +104,8 @@ def build_tree(mechanism: Mechanism, state: State, outputs: Sequence[str] = MOTI
         return system.AddMarker(items.MarkerKinematicTreeRigid(objectNumber=index, linkNumber=carrier, localHT=place))
 
     add_springs_and_loads(system, mechanism, mark)
+    if touching is not None:
+        touching(system, mark, _coordinate_markers(system, mechanism, tree, node))
     carriers = [tree.carrier(b) for b in range(len(mechanism.bodies))]
     sensors = tuple(_add_sensors(system, index, n, tree.links[n].body_frame.p, outputs) for n in carriers)
     system.Assemble()
@@ -99,6 +113,18 @@ def build_tree(mechanism: Mechanism, state: State, outputs: Sequence[str] = MOTI
     model = KinematicTree(mechanism, tree, container, system, sensors, axes, integrals)
     set_initial(model, state)
     return model
+
+
+def _coordinate_markers(system: Any, mechanism: Mechanism, tree: Tree, node: Any) -> Coordinates:
+    """Return the function that adds the markers of a joint coordinate."""
+
+    def markers(joint: str, coordinate: str) -> tuple[tuple[Any, Any], float]:
+        n, sign = axis_link(mechanism, tree, joint, coordinate)
+        at_rest = items.MarkerNodeCoordinate(nodeNumber=system.AddNode(items.NodePointGround()), coordinate=0)
+        moved = items.MarkerNodeCoordinate(nodeNumber=node, coordinate=n)
+        return (system.AddMarker(at_rest), system.AddMarker(moved)), sign
+
+    return markers
 
 
 def _tree_object(mechanism: Mechanism, tree: Tree, node: Any) -> Any:

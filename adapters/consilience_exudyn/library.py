@@ -34,6 +34,9 @@ SETTINGS: dict[str, Any] = {
 }
 """Settings for a fixed step, with Newton's equations solved nearly to rounding."""
 
+CONTACT_SETTINGS: dict[str, Any] = {**SETTINGS, "timeIntegration.discontinuous.useRecommendedStepSize": False}
+"""Settings of a motion with contacts: otherwise a fixed step fails at the first one that closes."""
+
 POINTWISE: dict[str, Any] = {**SETTINGS, "timeIntegration.generalizedAlpha.computeInitialAccelerations": False}
 """Settings for terms at a state, without initial accelerations: these are singular for dependent rows, and otherwise
 right to 1e-8 at best."""

@@ -19,6 +19,7 @@ from consilience.mechanism import (
     rotation_from_quaternion,
 )
 from consilience_exudyn.constraints import Added, Mark, add_rows
+from consilience_exudyn.contacts import AT_INSTANT, add_contact, parts_of
 from consilience_exudyn.forces import add_joint_forces, add_springs_and_loads
 from consilience_exudyn.library import exu, items
 from consilience_exudyn.rows import displacement_turns, rows_of
@@ -90,6 +91,8 @@ class Maximal:
         Joints whose angles are data coordinates, so that turns are counted.
     integrals : int
         Number of coordinates behind those of the bodies: integrals of controllers.
+    contacts : tuple of exudyn.ObjectIndex
+        Elementary contacts, of which those that slide are given a stiffness (`contact_instant`).
     gravity : tuple of exudyn.LoadIndex
     sensors : tuple of tuple of exudyn.SensorIndex
         Coordinates, velocity and angular velocity of each body.
@@ -103,6 +106,7 @@ class Maximal:
     rows: tuple[Added, ...]
     turning: tuple[str, ...]
     integrals: int
+    contacts: tuple[Any, ...]
     gravity: tuple[Any, ...]
     sensors: tuple[tuple[Any, Any, Any], ...]
 
@@ -149,13 +153,18 @@ def place(model: Maximal, q: Array, v: Array, configuration: Any) -> None:
     data.SetODE2Coordinates_t(np.append(v, zero), configuration=configuration)
 
 
+_SLIDING = [-1.0, 1.0, 0.0, 0.0]
+"""Data of a contact that is closed and slides: gap in m, slip in m/s."""
+
+
 def count_turns(model: Maximal, state: State, configuration: Any) -> None:
-    """Start counting the full turns of angles from a state, in a configuration."""
+    """Start counting the full turns of angles from a state, in a configuration; contacts slide."""
     for added in model.rows:
         added.row.forget()
-    if model.turning:
-        angles = [displacement_turns(model.mechanism, state, joint) for joint in model.turning]
-        model.system.systemData.SetDataCoordinates(angles, configuration=configuration)
+    values = [displacement_turns(model.mechanism, state, joint) for joint in model.turning]
+    values += _SLIDING * len(model.contacts)
+    if values:
+        model.system.systemData.SetDataCoordinates(values, configuration=configuration)
 
 
 def build(mechanism: Mechanism, state: State, held: tuple[Axes, ...] | None = None) -> Maximal:
@@ -196,9 +205,20 @@ def build(mechanism: Mechanism, state: State, held: tuple[Axes, ...] | None = No
     )
     add_springs_and_loads(system, mechanism, mark)
     turning, integrals = add_joint_forces(system, mechanism, mark)
+    contacts = tuple(add_contact(system, mechanism, state, part, AT_INSTANT, mark) for _, part in parts_of(mechanism))
     system.Assemble()
     model = Maximal(
-        mechanism, container, system, tuple(bodies), joints, rows, turning, integrals, tuple(gravity), tuple(sensors)
+        mechanism,
+        container,
+        system,
+        tuple(bodies),
+        joints,
+        rows,
+        turning,
+        integrals,
+        contacts,
+        tuple(gravity),
+        tuple(sensors),
     )
     set_initial(model, state)
     return model

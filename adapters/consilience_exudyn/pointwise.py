@@ -7,11 +7,12 @@ have no constraints, are the initial accelerations of Exudyn's own solver; kinem
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
 
-from consilience.engine import InstantAnswer, ModelAnswer, numerical_rank, solve_constrained
+from consilience.engine import InstantAnswer, ModelAnswer, numerical_rank, over_parts, solve_constrained
 from consilience.mechanism import (
     GROUND,
     Array,
@@ -23,6 +24,8 @@ from consilience.mechanism import (
     reaction_in_F,
     rotation_from_quaternion,
 )
+from consilience_exudyn.contact_instant import contact_accelerations
+from consilience_exudyn.contacts import is_unilateral
 from consilience_exudyn.kinematic_tree import ACCELERATIONS, KinematicTree, build_tree, set_initial
 from consilience_exudyn.library import QUIET, LoadPotentialEnergy, SystemEnergy, exu, simulation_settings
 from consilience_exudyn.maximal import Maximal
@@ -58,10 +61,14 @@ def _steiner(mass: float, c: Array) -> Array:
 def instant_answer(terms: Terms, states: Sequence[State]) -> InstantAnswer:
     """Compute accelerations from Exudyn's terms by the harness's solver; reactions and energies are Exudyn's."""
     energy = SystemEnergy(terms.model.system)
-    accelerations, reactions, energies = [], [], []
+    accelerations, reactions, energies, contact_forces = [], [], [], []
     for state in states:
         equations = terms.equations(state)
-        a, mu = solve_constrained(equations.M, equations.f, equations.J, equations.gamma)
+        if is_unilateral(terms.model.mechanism):
+            a, mu, forces = contact_accelerations(terms, state, equations)
+            contact_forces.append(forces)
+        else:
+            a, mu = solve_constrained(equations.M, equations.f, equations.J, equations.gamma)
         terms.set_multipliers(mu)
         accelerations.append(a.reshape(-1, 6))
         reactions.append([_reaction(terms.model, state, k) for k in range(len(terms.model.joints))])
@@ -76,7 +83,21 @@ def instant_answer(terms: Terms, states: Sequence[State]) -> InstantAnswer:
         torque_F=wrenches[:, :, 1],
         kinetic=kinetic,
         potential=potential,
+        contact_force=_of_contacts(terms.model.mechanism, contact_forces),
     )
+
+
+def _of_contacts(mechanism: Mechanism, forces: Sequence[Array]) -> Array | None:
+    """Force of each contact at each state, from those of elementary contacts; None without contacts."""
+    if not mechanism.contacts:
+        return None
+    return over_parts(mechanism, np.array(forces), lambda parts: np.asarray(parts.sum(axis=1)))
+
+
+def joined(answers: Sequence[InstantAnswer]) -> InstantAnswer:
+    """Return the answers at several states as one."""
+    names = [one.name for one in fields(InstantAnswer)]
+    return InstantAnswer(**{name: np.concatenate([getattr(answer, name) for answer in answers]) for name in names})
 
 
 def _reaction(model: Maximal, state: State, k: int) -> tuple[Array, Array]:

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag
 
-from consilience.mechanism import Array, State, euler_parameter_matrix, rotation_from_quaternion
+from consilience.mechanism import Array, SphereSphere, State, euler_parameter_matrix, rotation_from_quaternion
+from consilience_exudyn.contacts import AT_INSTANT, OVERLAP_OF_SPHERES, parts_of, set_overlap
 from consilience_exudyn.library import POINTWISE, exu, simulation_settings
 from consilience_exudyn.maximal import Maximal, coordinates, count_turns, place, velocities
 from consilience_exudyn.rows import DiscRow, gammas
@@ -155,6 +156,27 @@ class Terms:
             found.append(values)
             start += len(values)
         return np.concatenate(found)
+
+    def contact_force(self, state: State, number: int | None) -> Array:
+        """Return the forces of `Equations` with a unit normal force of one elementary contact, or of none.
+
+        Levers in Exudyn's contacts are too long by half of the overlap: forces are extrapolated from two overlaps.
+        """
+        if number is None:
+            return self._contact_force(state, None, AT_INSTANT.overlap)
+        _, part = parts_of(self.model.mechanism)[number]
+        overlap = OVERLAP_OF_SPHERES if isinstance(part, SphereSphere) else AT_INSTANT.overlap
+        return 2.0 * self._contact_force(state, number, overlap) - self._contact_force(state, number, 2.0 * overlap)
+
+    def _contact_force(self, state: State, number: int | None, overlap: float) -> Array:
+        system = self.model.system
+        for n, (contact, (_, part)) in enumerate(zip(self.model.contacts, parts_of(self.model.mechanism), strict=True)):
+            system.SetObjectParameter(contact, "contactStiffness", 1.0 / overlap if n == number else 0.0)
+            set_overlap(system, contact, part, AT_INSTANT, overlap)
+        count_turns(self.model, state, exu.ConfigurationType.Current)
+        self.place(coordinates(state), velocities(state))
+        self._solver.ComputeODE2RHS(system)
+        return np.asarray(velocity_map(state).T @ self._residual()[: self._size])
 
     def set_multipliers(self, mu: Array) -> None:
         """Set the multipliers of the current configuration to those of `Equations`."""

@@ -37,8 +37,10 @@ class Integration:
 RUNGE_KUTTA = Integration("RK44", SETTINGS)
 
 
-def solve(system: Any, integration: Integration, times: Array, step: float) -> int:
+def solve(system: Any, integration: Integration, times: Array, step: float, write_period: float | None = None) -> int:
     """Run SolveDynamic from the initial values over the grid `times`; return the number of steps.
+
+    Sensors store at every `write_period`, in s; by default at the samples.
 
     Raises
     ------
@@ -48,7 +50,7 @@ def solve(system: Any, integration: Integration, times: Array, step: float) -> i
     interval = float(times[1] - times[0])
     steps = (len(times) - 1) * steps_per_sample(times, step)
     settings = simulation_settings(integration.settings)
-    settings.solution.sensors.writePeriod = interval
+    settings.solution.sensors.writePeriod = interval if write_period is None else write_period
     settings.timeIntegration.startTime = float(times[0])
     settings.timeIntegration.endTime = float(times[-1])
     settings.timeIntegration.numberOfSteps = steps

@@ -37,8 +37,7 @@ REASONS = {
 
 STEPS, BOUNCING_STEPS, EXTRAPOLATED_STEPS = (50, 100, 200), (500, 1000, 2000), (5, 10, 20)
 HALVINGS = 4
-"""Number of motions of an extrapolated one, each with half the step of the one before."""
-
+"""Number of motions of an extrapolated one, each with half the step of the one before; its order."""
 _ONLY_EQUALITIES = ["LIMIT", "FRICTIONLOSS"]
 _IMPEDANCES = [IMPEDANCE, IMPEDANCE, 0.001, 0.5, 2.0]
 _RATIO = 1e16

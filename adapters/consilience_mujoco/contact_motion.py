@@ -14,9 +14,8 @@ restitution e               k fixed, b by the damping ratio of which the rebound
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
-from itertools import pairwise
 
 import mujoco
 import numpy as np
@@ -186,20 +185,3 @@ def _acting(translation: Translation) -> Iterator[tuple[Touch, Array, float, Arr
             touch = touches.get((first, second)) or touches[second, first]
             force = sign * (six[:3] @ data.contact.frame[number].reshape(3, 3))
             yield touch, force, float(six[0]), np.array(six[1:3])
-
-
-def extrapolated(motions: Sequence[TrajectoryAnswer]) -> TrajectoryAnswer:
-    """Extrapolate motions with steps h, h/2, h/4, ... to h = 0 in powers of h; the rest is that of the last motion."""
-    fields = ("p_WB", "quat_WB", "v_WB_W", "w_WB_W", "contact_impulse")
-    columns = [[np.array(getattr(motion, name)) for name in fields] for motion in motions]
-    for column in columns:
-        column[1] *= np.sign(np.sum(column[1] * columns[0][1], axis=-1, keepdims=True))
-    for power in range(1, len(motions)):
-        weight = 2.0**power - 1.0
-        pairs = pairwise(columns)
-        columns = [[fine + (fine - rough) / weight for rough, fine in zip(*pair, strict=True)] for pair in pairs]
-    p, quat, v, w, impulse = columns[0]
-    quat /= np.linalg.norm(quat, axis=-1, keepdims=True)
-    counters = {name: sum(motion.counters[name] for motion in motions) for name in motions[0].counters}
-    last = motions[-1]
-    return replace(last, p_WB=p, quat_WB=quat, v_WB_W=v, w_WB_W=w, contact_impulse=impulse, counters=counters)

@@ -23,6 +23,7 @@ from consilience.engine import (
     Unsupported,
     beyond,
     feature_names,
+    motion_of_halved,
     steps_per_sample,
     suited_rods,
     without_screws,
@@ -32,7 +33,7 @@ from consilience_mujoco.callback import answering
 from consilience_mujoco.charts import advance
 from consilience_mujoco.contact_instant import ContactInstant
 from consilience_mujoco.contact_methods import CONTACT_FEATURES, HALVINGS, REASONS, refused, unilateral_methods
-from consilience_mujoco.contact_motion import ContactRecord, extrapolated, set_gains
+from consilience_mujoco.contact_motion import ContactRecord, set_gains
 from consilience_mujoco.contacts import is_unilateral
 from consilience_mujoco.evaluate import (
     accelerations,
@@ -190,7 +191,7 @@ class MujocoEngine:
         """
         if method.route is Route.EXTRAPOLATED:
             halved = [step / 2.0**n for n in range(HALVINGS)]
-            return extrapolated([self._motion(mechanism, state, times, method, h) for h in halved])
+            return motion_of_halved([self._motion(mechanism, state, times, method, h) for h in halved])
         return self._motion(mechanism, state, times, method, step)
 
     def _motion(

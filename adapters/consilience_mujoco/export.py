@@ -14,8 +14,7 @@ import mujoco
 import numpy as np
 
 from consilience.engine import Method, Question, suited_rods
-from consilience.engine.native import FRICTION, JET, ROLLING, function_data, script
-from consilience.errors import InvalidInput
+from consilience.engine.native import FRICTION, JET, ROLLING, function_data, refuse_contacts, script
 from consilience.mechanism import Mechanism, State
 from consilience_mujoco.callback import answering
 from consilience_mujoco.engine import MujocoEngine
@@ -224,13 +223,9 @@ def export_model(title: str, mechanism: Mechanism, state: State) -> dict[str, st
     Raises
     ------
     InvalidInput
-        If the mechanism has contacts, stops or dry friction.
+        See `consilience.engine.native.refuse_contacts`.
     """
-    groups = {"contact": mechanism.contacts, "stop": mechanism.stops, "dry friction": mechanism.dry_frictions}
-    for what, elements in groups.items():
-        for element in elements:
-            reason = "its gains follow the state and the step, which only the adapter knows"
-            raise InvalidInput(f"{what} '{element.name}'", reason, "Export the mechanism without it.")
+    refuse_contacts(mechanism)
     method = MujocoEngine().methods(mechanism, Question.INSTANT)[0]
     translation = configured(translate(suited_rods(mechanism, state)), method)
     with answering(translation):

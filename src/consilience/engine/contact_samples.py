@@ -36,13 +36,15 @@ def joined_mode(modes: Array) -> Array:
 
 
 def limit_of_halved(values: Sequence[Array]) -> Array:
-    """Return the limit of values for h, h/2 and h/4 that has no error in h and in its square [Richardson 1911]."""
-    whole, half, quarter = values
-    return np.asarray((whole - 6.0 * half + 8.0 * quarter) / 3.0)
+    """Return the limit of values for h, h/2, h/4, ..., of as high an order as there are values [Richardson 1911]."""
+    column = [np.asarray(value) for value in values]
+    for power in range(1, len(column)):
+        column = [fine + (fine - rough) / (2.0**power - 1.0) for rough, fine in pairwise(column)]
+    return column[0]
 
 
 def motion_of_halved(runs: Sequence[TrajectoryAnswer]) -> TrajectoryAnswer:
-    """Return the limit of motions by the steps h, h/2 and h/4, of order 3; modes are those of the finest step."""
+    """Return the limit of motions by the steps h, h/2, h/4, ...; modes are those of the finest step."""
     counters = {name: sum(run.counters[name] for run in runs) for name in runs[0].counters}
 
     def limit(name: str) -> Array:

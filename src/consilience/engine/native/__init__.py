@@ -1,6 +1,16 @@
 """Native models: texts of runnable scripts for an engine alone, and parts of models of other formats."""
 
-from consilience.engine.native.elements import ELEMENTS, FRICTION, ROLLING, ROWS, SOLVE, Places, element_data, row_data
+from consilience.engine.native.elements import (
+    ELEMENTS,
+    FRICTION,
+    ROLLING,
+    ROWS,
+    SOLVE,
+    Places,
+    element_data,
+    refuse_contacts,
+    row_data,
+)
 from consilience.engine.native.parts import CoordinateLaw, NativeJoint, Notes, Parts, Piece
 from consilience.engine.native.script import JET, function_data, literal, script
 
@@ -20,6 +30,7 @@ __all__ = [
     "element_data",
     "function_data",
     "literal",
+    "refuse_contacts",
     "row_data",
     "script",
 ]

@@ -114,18 +114,28 @@ def row_data(m: Mechanism, axis: Callable[[str, str], list[Any]]) -> dict[str, A
     }
 
 
+def refuse_contacts(mechanism: Mechanism) -> None:
+    """Refuse contacts, stops and dry friction, whose numbers follow state and step of an adapter.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    groups = {"contact": mechanism.contacts, "stop": mechanism.stops, "dry friction": mechanism.dry_frictions}
+    for what, elements in groups.items():
+        for element in elements:
+            raise InvalidInput(f"{what} '{element.name}'", "scripts have no contacts", "Export without it.")
+
+
 def element_data(mechanism: Mechanism, at: Places) -> dict[str, Any]:
     """Return the constants of a script with `ELEMENTS`, without the closed loops ``WELDS``, pairs of (owner, p, R).
 
     Raises
     ------
     InvalidInput
-        If the mechanism has contacts, stops or dry friction, which scripts have not.
+        See `refuse_contacts`.
     """
-    groups = {"contact": mechanism.contacts, "stop": mechanism.stops, "dry friction": mechanism.dry_frictions}
-    for what, elements in groups.items():
-        for element in elements:
-            raise InvalidInput(f"{what} '{element.name}'", "scripts have no contacts", "Export without it.")
+    refuse_contacts(mechanism)
     bodies = {"BODIES": {body.name: at.frame(body.name) for body in mechanism.bodies}}
     return bodies | _forces(mechanism, at) | _efforts(mechanism, at) | row_data(mechanism, at.axis)
 

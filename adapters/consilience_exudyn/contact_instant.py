@@ -1,0 +1,181 @@
+"""Accelerations at an instant with closed contacts, stops and dry friction.
+
+Exudyn's contacts exert penalty forces: none at a gap of zero, and friction that is zero at rest. The force of a contact
+that slides is Exudyn's, by a sphere enlarged by `OVERLAP`, its stiffness found from ``g'' = 0``. A contact that sticks,
+one without friction and a stop are rows of the harness's solve, as the constraints of joints are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from consilience.mechanism import GROUND, TOUCHING, Array, Mechanism, State, characteristic_length, joint_spring_motion
+from consilience_exudyn.contact_rows import TouchRow, contact_row, coordinate_row
+from consilience_exudyn.contacts import limits_of, parts_of
+from consilience_exudyn.terms import Equations, Terms
+
+AT_REST = 1e-9
+"""Velocity in m/s or rad/s below which a contact sticks; the same of a coordinate with dry friction."""
+
+_RANK = 1e-10
+_PULL = 1e-9
+"""Force that pulls, over the largest force, above which a contact is opened."""
+
+
+@dataclass(eq=False)
+class _Active:
+    """Rows ``S a = rhs`` and columns of forces for their unknowns, in the velocities of all bodies.
+
+    Attributes
+    ----------
+    rows, columns : ndarray, shape (k, 6 n_b)
+    rhs : ndarray, shape (k,)
+    bound : float
+        Largest effort of dry friction that sticks; the coefficient of a contact that sticks; infinite: pushes alone.
+    contact, number : TouchRow or None, int
+        Elementary contact, and its number.
+    dry : bool
+    """
+
+    rows: Array
+    columns: Array
+    rhs: Array
+    bound: float
+    contact: TouchRow | None = None
+    number: int = -1
+    dry: bool = False
+
+
+def closed_contacts(mechanism: Mechanism, state: State) -> list[tuple[int, TouchRow]]:
+    """Return the elementary contacts that are closed and do not separate, with their numbers.
+
+    Raises
+    ------
+    RuntimeError
+        One closes with a velocity.
+    """
+    slack, found = TOUCHING * characteristic_length(mechanism), []
+    for number, (contact, part) in enumerate(parts_of(mechanism)):
+        row = contact_row(mechanism, state, part, contact)
+        if row.gap <= slack and row.rate <= AT_REST:
+            if row.rate < -AT_REST:
+                raise RuntimeError(f"contact '{part.name}' closes at {-row.rate:.3g} m/s: that is an impact")
+            found.append((number, row))
+    return found
+
+
+def contact_accelerations(terms: Terms, state: State, equations: Equations) -> tuple[Array, Array, Array]:
+    """Solve the equations with contacts, stops and dry friction.
+
+    Returns
+    -------
+    a, mu : ndarray
+        As `solve_constrained`.
+    forces : ndarray, shape (n, 3), N
+        Force of every elementary contact on its `body`.
+
+    Raises
+    ------
+    RuntimeError
+        A contact or coordinate starts to slide, for which Exudyn has no friction; or no set of closed contacts fits.
+    """
+    mechanism = terms.model.mechanism
+    closed = closed_contacts(mechanism, state)
+    without = terms.contact_force(state, None)
+    active = []
+    for number, row in closed:
+        slides = row.part.friction > 0.0 and np.linalg.norm(row.slip) > AT_REST
+        active.append(_contact(number, row, terms.contact_force(state, number) - without if slides else None))
+    terms.contact_force(state, None)
+    force, stuck = _joint_efforts(mechanism, state)
+    a, mu, kept, unknowns = _balance(equations, equations.f + force, [*active, *stuck])
+    _refuse_start(kept, unknowns)
+    found = np.zeros((len(parts_of(mechanism)), 3))
+    for one, x in zip(kept, unknowns, strict=True):
+        if one.contact is not None:
+            found[one.number] = _on_body(mechanism, one.contact, x @ one.columns)
+    return a, mu, found
+
+
+def _balance(equations: Equations, f: Array, active: list[_Active]) -> tuple[Array, Array, list[_Active], list[Array]]:
+    """Solve, and open what pulls, one after the other; return what it found, and what is closed."""
+    opened: list[_Active] = []
+    while True:
+        a, mu, unknowns = _solve(equations, f, active)
+        largest = max((float(np.max(np.abs(x))) for x in unknowns), default=0.0)
+        pulls = [np.inf if one.dry else float(x[0]) for one, x in zip(active, unknowns, strict=True)]
+        if min(pulls, default=0.0) >= -_PULL * max(1.0, largest):
+            break
+        opened.append(active.pop(int(np.argmin(pulls))))
+    fastest = max(1.0, float(np.max(np.abs(a))))
+    if any(one.rows[0] @ a - one.rhs[0] < -_PULL * fastest for one in opened):
+        raise RuntimeError("no set of closed contacts and stops fits: an opened one would close again")
+    return a, mu, active, unknowns
+
+
+def _contact(number: int, row: TouchRow, friction: Array | None) -> _Active:
+    """Rows and columns of a closed contact: sliding by Exudyn's friction, without friction, or sticking."""
+    n = row.normal
+    normal = n @ row.J, -(n @ row.gamma) - row.n_dot @ row.u
+    if friction is not None or row.part.friction == 0.0:
+        column = normal[0] if friction is None else friction
+        return _Active(normal[0][None], column[None], np.array([normal[1]]), np.inf, row, number)
+    t = np.linalg.svd(n[None])[2][1:]
+    rows = np.vstack([normal[0], t @ row.J])
+    return _Active(rows, rows, np.array([normal[1], *(-(t @ row.gamma))]), row.part.friction, row, number)
+
+
+def _joint_efforts(mechanism: Mechanism, state: State) -> tuple[Array, list[_Active]]:
+    """Generalised force of dry friction that slides; rows of dry friction that sticks, and of closed stops."""
+    force, found = np.zeros(6 * len(mechanism.bodies)), list[_Active]()
+    for dry in mechanism.dry_frictions:
+        row, gamma = coordinate_row(mechanism, state, dry.joint, dry.coordinate)
+        _, rate = joint_spring_motion(mechanism, state, dry.joint, dry.coordinate)
+        bound = float(dry.bound or 0.0)
+        if abs(rate) > AT_REST:
+            force -= bound * np.sign(rate) * row
+        else:
+            found.append(_Active(row[None], row[None], np.array([gamma]), bound, dry=True))
+    for limit in limits_of(mechanism):
+        q, rate = joint_spring_motion(mechanism, state, limit.joint, limit.coordinate)
+        if limit.side * (q - limit.value) <= TOUCHING and limit.side * rate <= AT_REST:
+            if limit.side * rate < -AT_REST:
+                raise RuntimeError(f"a stop of joint '{limit.joint}' is hit at {abs(rate):.3g}: that is an impact")
+            row, gamma = coordinate_row(mechanism, state, limit.joint, limit.coordinate)
+            row = limit.side * row
+            found.append(_Active(row[None], row[None], np.array([limit.side * gamma]), np.inf))
+    return force, found
+
+
+def _solve(equations: Equations, f: Array, active: Sequence[_Active]) -> tuple[Array, Array, list[Array]]:
+    """Solve with all active rows; dependent rows have multipliers of least norm."""
+    J, M = equations.J, equations.M
+    S = np.vstack([J, *(one.rows for one in active)])
+    C = np.vstack([J, *(one.columns for one in active)])
+    rhs = np.concatenate([equations.gamma, *(one.rhs for one in active)])
+    free = np.linalg.solve(M, f)
+    x = np.linalg.lstsq(S @ np.linalg.solve(M, C.T), rhs - S @ free, rcond=_RANK)[0]
+    ends = np.cumsum([len(J), *(len(one.rhs) for one in active)])
+    return free + np.linalg.solve(M, C.T @ x), x[: len(J)], np.split(x, ends)[1:-1]
+
+
+def _refuse_start(active: Sequence[_Active], unknowns: Sequence[Array]) -> None:
+    """Refuse contacts and coordinates that cannot stick."""
+    for one, x in zip(active, unknowns, strict=True):
+        across = abs(float(x[0])) if one.dry else float(np.linalg.norm(x[1:]))
+        limit = one.bound if one.dry or len(x) == 1 else one.bound * float(x[0])
+        if across > limit * (1.0 + _PULL):
+            what = "dry friction" if one.contact is None else f"contact '{one.contact.part.name}'"
+            raise RuntimeError(
+                f"{what} starts to slide: Exudyn's friction is zero at rest, and it has none to start with"
+            )
+
+
+def _on_body(mechanism: Mechanism, row: TouchRow, force: Array) -> Array:
+    """Force on `body`, shape (3,), of a generalised force."""
+    name, sign = (row.part.body, 1.0) if row.part.body != GROUND else (row.part.partner, -1.0)
+    i = 6 * mechanism.body_index[name]
+    return np.asarray(sign * force[i : i + 3])

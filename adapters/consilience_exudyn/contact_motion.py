@@ -1,0 +1,381 @@
+"""Motions with contacts, stops and dry friction by Exudyn's explicit Runge-Kutta method of order four.
+
+Explicit integrators take no constraints: bodies are free, or links of a kinematic tree. Stiffness, damping and the zone
+of friction follow the step h, so that contacts become rigid and friction Coulomb's as h vanishes. With the inverse
+inertia A that a contact sees together with all others:
+
+=======================  ======================================================================================
+closed, no restitution   damping ``0.6 / (h A)``, stiffness the damping over a fifth of the sample interval
+others                   stiffness `BOUNCE` over A; without restitution the damping of `OVERDAMPED`
+friction                 zone ``h mu N G``, G the tangential inverse inertia, N a bound of the normal force
+=======================  ======================================================================================
+
+Below its zone friction is stiff: beyond N the method is unstable, and the motion is repeated with a larger bound.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from consilience.engine import TrajectoryAnswer, joined_mode, over_parts, require_stable, steps_per_sample
+from consilience.mechanism import (
+    GROUND,
+    TOUCHING,
+    Array,
+    Mechanism,
+    State,
+    characteristic_length,
+    constraint_jacobian,
+    contact_gap,
+    continuous_in_time,
+    mass_matrix,
+    null_space,
+    quaternion_from_rotation,
+    rotation_vector_from_quaternion,
+)
+from consilience_exudyn.contact_instant import contact_accelerations
+from consilience_exudyn.contact_rows import TouchRow, contact_row, coordinate_row
+from consilience_exudyn.contacts import Penalty, add_contact, add_dry_friction, add_limit, limits_of, parts_of
+from consilience_exudyn.forces import add_springs_and_loads
+from consilience_exudyn.kinematic_tree import Coordinates, build_tree, is_one_axis_tree
+from consilience_exudyn.library import CONTACT_SETTINGS, exu, items
+from consilience_exudyn.maximal import build, inertia_vector
+from consilience_exudyn.terms import Terms
+from consilience_exudyn.trajectory import Integration, solve, stored
+
+BOUNCE = 1e6
+"""Stiffness of contacts that hit, over the inertia, 1/s^2: half a period is 3 ms."""
+
+OVERDAMPED = 10.0
+"""Damping of contacts that hit without restitution, over the root of the stiffness: they rebound with one per cent."""
+
+RELAXATION = 0.2
+"""Time in which an overlap without restitution decays, over the sample interval."""
+
+_DAMPING = 0.6
+_LOAD = 1.0
+"""First bound of a normal force, over that at the start."""
+
+_STABLE = 2.0
+"""Normal force over its bound up to which friction below the zone is stable."""
+
+_RATE = 1.5
+"""Largest rate of a damper or of friction below its zone, times the step: the inertia of a tree changes as it moves."""
+
+_RESOLVED = 0.2
+"""Largest frequency of a contact that hits, times the step."""
+
+_ATTEMPTS = 6
+"""Motions with larger bounds of normal forces."""
+
+_DEEP = 20.0
+"""Radius of a point's sphere over the overlap under the bound of the normal force."""
+
+_RUNGE_KUTTA = Integration("RK44", CONTACT_SETTINGS)
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """What the numbers of contacts follow: step and sample interval in s, softness of contacts that hit."""
+
+    step: float
+    interval: float
+    softness: float
+
+    @property
+    def stiffness(self) -> float:
+        """Stiffness of contacts that hit, over the inertia, 1/s^2."""
+        return min(BOUNCE / self.softness**2, (_RESOLVED / self.step) ** 2)
+
+    @property
+    def damping(self) -> float:
+        """Damping of contacts that hit without restitution, over the inertia, 1/s."""
+        return min(OVERDAMPED * self.stiffness**0.5, _RATE / self.step)
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """An elementary contact at the start.
+
+    Attributes
+    ----------
+    row : TouchRow
+    A, G : float
+        Bounds of the inverse inertias along and across the normal, all contacts together.
+    normal : float, N
+        Normal force at the start.
+    speed : float, m/s
+        Bound of the closing speed of the first impact; zero for a closed contact without restitution.
+    """
+
+    row: TouchRow
+    A: float
+    G: float
+    normal: float
+    speed: float
+
+    def bound(self, at: _Step) -> float:
+        """Return the first bound of the normal force."""
+        return max(_LOAD * self.normal, self.speed * np.sqrt(at.stiffness) / self.A)
+
+    def penalty(self, at: _Step, bound: float) -> Penalty:
+        """Return the numbers of the contact object for a bound of the normal force."""
+        part = self.row.part
+        if self.speed > 0.0:
+            stiffness = at.stiffness / self.A
+            damping = 0.0 if part.restitution else at.damping / self.A
+        else:
+            damping = _DAMPING / (at.step * self.A)
+            stiffness = damping / (RELAXATION * at.interval)
+        zone = at.step * self.G * part.friction * bound
+        overlap = self.normal / stiffness
+        deep = _DEEP * max(overlap, bound / stiffness, 1e-9)
+        return Penalty(stiffness, damping, max(zone, 1e-12), overlap, deep, restitution=part.restitution)
+
+
+@dataclass(frozen=True, eq=False)
+class _Run:
+    """Assembled system: sensors of each body (position, rotation, velocity, angular velocity) and of each contact."""
+
+    container: Any
+    system: Any
+    sensors: Sequence[Sequence[Any]]
+    R_LB: Array
+    forces: Sequence[Any]
+
+
+def can_move(mechanism: Mechanism) -> bool:
+    """Whether Exudyn's explicit integrators take the bodies: all free, or a tree of one-axis joints."""
+    return all(joint.kind == "free" for joint in mechanism.joints) or is_one_axis_tree(mechanism)
+
+
+def contact_motion(
+    mechanism: Mechanism, state: State, times: Array, step: float, softness: float = 1.0
+) -> TrajectoryAnswer:
+    """Integrate a motion with contacts, stops and dry friction.
+
+    Raises
+    ------
+    RuntimeError
+        Exudyn fails, or normal forces exceed every bound.
+    """
+    at = _Step(step, float(times[1] - times[0]), softness)
+    seen = _contacts_at_start(mechanism, state)
+    bounds = [one.bound(at) for one in seen]
+    for _ in range(_ATTEMPTS):
+        penalties = [one.penalty(at, bound) for one, bound in zip(seen, bounds, strict=True)]
+        run = _assemble(mechanism, state, at, penalties)
+        answer, forces = _integrate(mechanism, run, times, step)
+        largest = np.max(np.linalg.norm(forces, axis=2), axis=0, initial=0.0)
+        if np.all(largest <= _STABLE * np.array(bounds)):
+            return _with_contacts(mechanism, answer, forces, penalties, steps_per_sample(times, step))
+        bounds = [max(b, 1.2 * f) for b, f in zip(bounds, largest, strict=True)]
+    raise RuntimeError(
+        f"normal forces exceed every bound, at last {max(bounds):.3g} N: steps of {step:g} s are too long"
+    )
+
+
+def _mobility(mechanism: Mechanism, state: State) -> Array:
+    """Inverse inertia of the bodies' velocities under the constraints, shape (6 n_b, 6 n_b)."""
+    N = null_space(constraint_jacobian(mechanism, state))
+    return np.asarray(N @ np.linalg.solve(N.T @ mass_matrix(mechanism, state) @ N, N.T))
+
+
+def _contacts_at_start(mechanism: Mechanism, state: State) -> list[_Seen]:
+    """Return all elementary contacts as they are at the start."""
+    rows = [contact_row(mechanism, state, part, number) for number, part in parts_of(mechanism)]
+    if not rows:
+        return []
+    W, slack = _mobility(mechanism, state), TOUCHING * characteristic_length(mechanism)
+    normals = np.array([row.normal @ row.J for row in rows])
+    A = np.abs(normals @ W @ normals.T).sum(axis=1)
+    tangents = [row.J - np.outer(row.normal, row.normal @ row.J) for row in rows]
+    G = [sum(float(np.linalg.norm(one @ W @ two.T, 2)) for two in tangents) for one in tangents]
+    forces = _normal_forces(mechanism, state, rows)
+    found, pull = [], float(np.linalg.norm(mechanism.gravity))
+    for row, a, g, normal in zip(rows, A, G, forces, strict=True):
+        hits = row.gap > slack or row.part.restitution > 0.0
+        speed = float(np.linalg.norm(row.u) + np.sqrt(2.0 * pull * max(row.gap, 0.0))) if hits else 0.0
+        found.append(_Seen(row, float(a), g, normal, max(speed, 1e-3) if hits else 0.0))
+    return found
+
+
+def _normal_forces(mechanism: Mechanism, state: State, rows: Sequence[TouchRow]) -> list[float]:
+    """Normal forces at the start; the weight shared by all where the state has no solution, as at an impact."""
+    try:
+        terms = Terms(build(mechanism, state))
+        _, _, parts = contact_accelerations(terms, state, terms.equations(state))
+    except RuntimeError:
+        weight = sum(body.mass for body in mechanism.bodies) * float(np.linalg.norm(mechanism.gravity))
+        return [weight / len(rows)] * len(rows)
+    return [max(0.0, float(row.normal @ force)) for row, force in zip(rows, parts, strict=True)]
+
+
+def _assemble(mechanism: Mechanism, state: State, at: _Step, penalties: Sequence[Penalty]) -> _Run:
+    objects: list[Any] = []
+
+    def touching(system: Any, mark: Any, coordinates: Coordinates | None) -> None:
+        for (_, part), penalty in zip(parts_of(mechanism), penalties, strict=True):
+            objects.append(add_contact(system, mechanism, state, part, penalty, mark))
+        if coordinates is not None:
+            _add_joint_elements(system, mechanism, state, at, coordinates)
+        sensors.extend(
+            system.AddSensor(
+                items.SensorObject(
+                    objectNumber=index,
+                    outputVariableType=exu.OutputVariableType.Force,
+                    storeInternal=True,
+                    writeToFile=False,
+                )
+            )
+            for index in objects
+        )
+
+    sensors: list[Any] = []
+    if is_one_axis_tree(mechanism):
+        tree = build_tree(mechanism, state, touching=touching)
+        return _Run(tree.container, tree.system, tree.sensors, tree.R_LB, sensors)
+    container = exu.SystemContainer()
+    system = container.AddSystem()
+    bodies = _free_bodies(system, mechanism, state, touching)
+    return _Run(container, system, bodies, np.array([np.eye(3)] * len(bodies)), sensors)
+
+
+def _add_joint_elements(system: Any, mechanism: Mechanism, state: State, at: _Step, coordinates: Coordinates) -> None:
+    """Add the stops and the dry friction of a tree."""
+    W = _mobility(mechanism, state)
+
+    def inertia(joint: str, coordinate: str) -> float:
+        row, _ = coordinate_row(mechanism, state, joint, coordinate)
+        return float(row @ W @ row)
+
+    for limit in limits_of(mechanism):
+        A = inertia(limit.joint, limit.coordinate)
+        damping = 0.0 if limit.restitution else at.damping / A
+        ends, sign = coordinates(limit.joint, limit.coordinate)
+        add_limit(system, Penalty(at.stiffness / A, damping, 0.0), ends, sign, limit)
+    for dry in mechanism.dry_frictions:
+        ends, _ = coordinates(dry.joint, dry.coordinate)
+        bound = float(dry.bound or 0.0)
+        zone = at.step * inertia(dry.joint, dry.coordinate) * bound / _RATE
+        add_dry_friction(system, bound, zone, ends)
+
+
+def _free_bodies(system: Any, mechanism: Mechanism, state: State, touching: Callable[..., None]) -> list[list[Any]]:
+    """Assemble bodies with rotation vectors about their centres of mass, with the sensors of each."""
+    ground = system.AddObject(items.ObjectGround())
+    indices = [_free_body(system, mechanism, state, n) for n in range(len(mechanism.bodies))]
+
+    def mark(name: str, p: Array, R: Array) -> Any:
+        """Add a marker at a frame of a body or of the ground."""
+        index, at = ground, p
+        if name != GROUND:
+            n = mechanism.body_index[name]
+            index, at = indices[n], p - mechanism.bodies[n].com
+        return system.AddMarker(items.MarkerBodyRigid(bodyNumber=index, localHT=exu.HT(rotation=R, translation=at)))
+
+    add_springs_and_loads(system, mechanism, mark)
+    touching(system, mark, None)
+    keep = {"storeInternal": True, "writeToFile": False}
+    sensors = [
+        [
+            system.AddSensor(
+                items.SensorBody(
+                    bodyNumber=index,
+                    localPosition=list(-body.com),
+                    outputVariableType=getattr(exu.OutputVariableType, name),
+                    **keep,
+                )
+            )
+            for name in ("Position", "RotationMatrix", "Velocity", "AngularVelocity")
+        ]
+        for index, body in zip(indices, mechanism.bodies, strict=True)
+    ]
+    system.Assemble()
+    return sensors
+
+
+def _free_body(system: Any, mechanism: Mechanism, state: State, n: int) -> Any:
+    """Add a body at its pose, with gravity."""
+    body, R = mechanism.bodies[n], state.R_WB[n]
+    arm, w = R @ body.com, state.w_WB_W[n]
+    node = system.AddNode(
+        items.NodeRigidBodyRotVecLG(
+            referenceCoordinates=[*(state.p_WB[n] + arm), *rotation_vector_from_quaternion(state.quat_WB[n])],
+            initialVelocities=[*(state.v_WB_W[n] + np.cross(w, arm)), *(R.T @ w)],
+        )
+    )
+    index = system.AddObject(
+        items.ObjectRigidBody(mass=body.mass, inertia=inertia_vector(body.inertia), nodeNumber=node)
+    )
+    marker = system.AddMarker(items.MarkerBodyMass(bodyNumber=index))
+    system.AddLoad(items.LoadMassProportional(markerNumber=marker, loadVector=list(mechanism.gravity)))
+    return index
+
+
+def _integrate(mechanism: Mechanism, run: _Run, times: Array, step: float) -> tuple[TrajectoryAnswer, Array]:
+    """Integrate; return the motion, and the force of each elementary contact at every step, shape (steps + 1, n, 3)."""
+    count = steps_per_sample(times, step)
+    every = np.linspace(times[0], times[-1], count * (len(times) - 1) + 1)
+    steps = solve(run.system, _RUNGE_KUTTA, times, step, step)
+    series = [[stored(run.system, sensor, every)[::count] for sensor in four] for four in run.sensors]
+    p, R, v, w = (np.stack([body[n] for body in series], axis=1) for n in range(4))
+    require_stable(p, step)
+    R_WB = R.reshape(*R.shape[:2], 3, 3) @ run.R_LB
+    answer = TrajectoryAnswer(
+        time=times.copy(),
+        p_WB=p,
+        quat_WB=continuous_in_time(quaternion_from_rotation(R_WB)),
+        v_WB_W=v,
+        w_WB_W=w,
+        counters={"steps": steps},
+    )
+    forces = np.array([stored(run.system, sensor, every) for sensor in run.forces]).reshape(-1, len(every), 3)
+    forces[:, 0] = forces[:, 1]  # before the first step Exudyn's contacts have no force
+    return answer, forces.swapaxes(0, 1)
+
+
+def _with_contacts(
+    mechanism: Mechanism, answer: TrajectoryAnswer, forces: Array, penalties: Sequence[Penalty], count: int
+) -> TrajectoryAnswer:
+    """Return a motion with gaps, impulses and modes of contacts.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    answer : TrajectoryAnswer
+    forces : ndarray
+        As from `_integrate`.
+    penalties : sequence of Penalty
+    count : int
+        Steps in a sample interval.
+    """
+    if not mechanism.contacts:
+        return answer
+    states = [answer.state(n) for n in range(len(answer.time))]
+    gaps = [[contact_gap(mechanism, state, contact) for contact in mechanism.contacts] for state in states]
+    step = (answer.time[1] - answer.time[0]) / count
+    trapezoids = 0.5 * step * (forces[1:] + forces[:-1])
+    impulses = trapezoids.reshape(-1, count, *forces.shape[1:]).sum(axis=1)
+    impulses = np.concatenate([np.zeros((1, *forces.shape[1:])), impulses])
+    modes = [_modes(mechanism, state, now, penalties) for state, now in zip(states, forces[::count], strict=True)]
+    return replace(
+        answer,
+        contact_gap=np.array(gaps),
+        contact_impulse=over_parts(mechanism, impulses, lambda parts: np.asarray(parts.sum(axis=1))),
+        contact_mode=over_parts(mechanism, np.array(modes), joined_mode),
+    )
+
+
+def _modes(mechanism: Mechanism, state: State, forces: Array, penalties: Sequence[Penalty]) -> Array:
+    """Modes of elementary contacts: one that slips by more than its zone slides."""
+    modes = np.zeros(len(forces), dtype=int)
+    for n, ((number, part), penalty) in enumerate(zip(parts_of(mechanism), penalties, strict=True)):
+        if np.any(forces[n]):
+            slip = np.linalg.norm(contact_row(mechanism, state, part, number).slip)
+            modes[n] = 1 if slip >= penalty.zone else 2
+    return modes

@@ -1,0 +1,258 @@
+"""Contacts, stops and dry friction in Exudyn, against closed forms; lumpy bodies in turned worlds."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from consilience.engine import Question, Route, defects
+from consilience.mechanism import GROUND, DiscPlane, Initial, PointPlane, SphereSphere, initial_state
+from contact_problems import LEVEL, G, Lab, fallen_rod, incline, pendulum, stacked
+
+pytest.importorskip("exudyn")
+
+from consilience_exudyn import ExudynEngine
+
+I, T = Question.INSTANT, Question.TRAJECTORY
+LAB = Lab()
+FEET = np.array([[0.3 * np.cos(a), 0.3 * np.sin(a), -0.1] for a in (0.0, 2.0 * np.pi / 3.0, 4.0 * np.pi / 3.0)])
+CORNERS = [(x, y, -0.1) for x in (0.3, -0.3) for y in (0.3, -0.3)]
+BALL = (0.008, 0.008, 0.008)
+ENGINE = ExudynEngine()
+
+
+def asked(mechanism, state):
+    """Answer at one state."""
+    assert ENGINE.unsupported(mechanism, I) == ()
+    answer = ENGINE.instant(mechanism, [state], ENGINE.methods(mechanism, I)[0])
+    assert defects(answer, I, mechanism, 1) == []
+    return answer
+
+
+def instant(mechanism, state):
+    """Accelerations of the body and forces of the contacts, in axes of the lab."""
+    answer = asked(mechanism, state)
+    return (*LAB.acceleration(answer, state), answer.contact_force[0] @ LAB.axes)
+
+
+def motion(mechanism, state, end, samples=20, level=-1, kind=Route.TUNED):
+    assert ENGINE.unsupported(mechanism, T) == ()
+    (method,) = [m for m in ENGINE.methods(mechanism, T) if m.route is kind]
+    times = np.linspace(0.0, end, samples + 1)
+    answer = ENGINE.trajectory(mechanism, state, times, method, (times[1] - times[0]) / method.substeps[level])
+    assert defects(answer, T, mechanism, len(times)) == []
+    return answer
+
+
+def close(values, truth, bar):
+    found, wanted = (np.concatenate([np.ravel(one) for one in many]) for many in (values, truth))
+    assert np.max(np.abs(found - wanted)) < bar
+
+
+def ball(mu, load, gravity=LEVEL):
+    return LAB.free_body(2.0, BALL, gravity, [LAB.sphere(0.1, friction=mu)], [load])
+
+
+def test_a_ball_that_rolls_and_is_pushed_at_its_centre():
+    """Newton and Euler with v = w x r n: a = F / (m (1 + 2/5)), and the floor holds back 2/7 of the push."""
+    found = instant(ball(0.5, (3.0, 1.0, 0.0)), LAB.state([0, 0, 0.1], [1.0, 0.5, 0.0], [-5.0, 10.0, 3.0]))
+    a = np.array([3.0, 1.0, 0.0]) / 2.8
+    close(found, (a, np.cross([0, 0, 1.0], a) / 0.1, [-0.8 * a[0], -0.8 * a[1], 2.0 * G]), 1e-12)
+
+
+def test_a_ball_that_slides_is_held_back_against_its_slip():
+    u = np.array([3.0, 1.0, 0.0]) + np.cross([2.0, 5.0, 7.0], [0.0, 0.0, -0.1])
+    friction = -0.5 * 2.0 * G * u / np.linalg.norm(u)
+    found = instant(ball(0.5, (0.0, 2.0, 0.0)), LAB.state([0, 0, 0.1], [3.0, 1.0, 0.0], [2.0, 5.0, 7.0]))
+    floor = friction + np.array([0, 0, 2.0 * G])
+    close(found, (friction / 2.0 + [0.0, 1.0, 0.0], np.cross([0, 0, -0.1], friction) / 0.008, floor), 1e-9)
+
+
+def test_feet_that_turn_and_slide():
+    """Three unknown normal forces from Newton and Euler."""
+    mechanism = LAB.free_body(2.0, (0.02, 0.02, 0.04), LEVEL, LAB.points(FEET, friction=0.35))
+    found = instant(mechanism, LAB.state([0, 0, 0.1], [1.2, 0.3, 0.0], [0, 0, 8.0]))
+    u = np.array([1.2, 0.3, 0.0]) + np.cross([0, 0, 8.0], FEET)
+    along = -0.35 * u / np.linalg.norm(u, axis=1)[:, None] + [0, 0, 1.0]
+    wrenches = np.hstack([along, np.cross(FEET, along)]).T
+    N = np.linalg.solve(wrenches[[2, 3, 4]], [2.0 * G, 0.0, 0.0])
+    moving = (wrenches @ N - [0, 0, 2.0 * G, 0, 0, 0]) / [2.0, 2.0, 2.0, 0.02, 0.02, 0.04]
+    close(found, (moving[:3], moving[3:], along * N[:, None]), 1e-9)
+
+
+def test_the_tip_of_a_turning_rod_on_a_smooth_floor():
+    mechanism, state, alpha, N = fallen_rod(LAB, 0.7, 2.0)
+    found = instant(mechanism, state)
+    close((found[1], found[2]), ([0.0, alpha, 0.0], [0.0, 0.0, N]), 1e-11)
+
+
+def test_a_box_slides_on_a_box_that_slides():
+    mechanism, state = stacked(LAB, 25.0)
+    state = replace(state, v_WB_W=np.array([2.0, 1.0])[:, None] * LAB.axes[:, 0])
+    answer = asked(mechanism, state)
+    lower, upper = (25.0 - 0.2 * 4.0 * G - 0.35 * G) / 3.0, 0.35 * G
+    on_upper = answer.contact_force[0, 4:].sum(axis=0) @ LAB.axes
+    close((answer.a_WB_W[0] @ LAB.axes, on_upper), ([[lower, 0, 0], [upper, 0, 0]], [0.35 * G, 0.0, G]), 1e-9)
+
+
+def test_a_ball_slides_on_a_ball():
+    """``N = m (g cos th - v^2 / (R + r))``, friction against the slip at the point that touches."""
+    contact = SphereSphere("ball", "body", LAB.com, 0.1, GROUND, LAB.origin, 0.5, friction=0.3)
+    mechanism = LAB.free_body(2.0, BALL, LEVEL, [contact])
+    n, t = np.array([np.sin(0.3), 0.0, np.cos(0.3)]), np.array([np.cos(0.3), 0.0, -np.sin(0.3)])
+    v, w = 0.7 * t + [0.0, 0.2, 0.0], np.array([1.0, 4.0, 2.0])
+    u = v + np.cross(w, -0.1 * n)
+    force = 2.0 * (G * n[2] - v @ v / 0.6) * (n - 0.3 * u / np.linalg.norm(u))
+    found = instant(mechanism, LAB.state(0.6 * n, v, w))
+    close(found, (force / 2.0 + LEVEL, np.cross(-0.1 * n, force) / 0.008, force), 1e-6)
+
+
+def test_what_starts_to_slide_is_refused():
+    state = LAB.state([0, 0, 0.1], [0, 0, 0])
+    with pytest.raises(RuntimeError, match="'ball' starts to slide"):
+        asked(ball(0.1, (30.0, 10.0, 0.0)), state)
+    with pytest.raises(RuntimeError, match=r"closes at 0\.5 m/s"):
+        asked(ball(0.1, (0, 0, 0)), LAB.state([0, 0, 0.1], [0, 0, -0.5]))
+
+
+@pytest.mark.parametrize(("q", "rate"), [(0.05, 0.0), (0.7, 2.0), (0.7, -2.0)])
+def test_dry_friction_of_a_hinge_slides_and_sticks(q, rate):
+    mechanism = pendulum(LAB, bound=0.5)
+    answer = asked(mechanism, initial_state(mechanism, Initial({"hinge": {"angle": q}}, {"hinge": {"angle": rate}})))
+    weight = -0.5 * G * np.sin(q)
+    brake = -0.5 * np.sign(rate) if rate else -weight
+    close((LAB.axes.T @ answer.alpha_WB_W[0, 0],), ([0.0, 3.0 * (weight + brake), 0.0],), 1e-12)
+    assert np.abs(answer.torque_F[0, 0, 2]) < 1e-12
+
+
+def test_a_rod_rests_on_a_stop():
+    mechanism = pendulum(LAB, stop={"lower": 0.3})
+    answer = asked(mechanism, initial_state(mechanism, Initial({"hinge": {"angle": 0.3}})))
+    close((answer.alpha_WB_W,), (np.zeros(3),), 1e-11)
+
+
+def test_a_tripod_that_slides_and_turns():
+    mechanism = LAB.free_body(2.0, (0.02, 0.02, 0.04), LEVEL, LAB.points(FEET, friction=0.35))
+    state = LAB.state([0, 0, 0.1], [1.2, 0.3, 0.0], [0, 0, 8.0])
+    truth = (
+        [0.268932909539885, 0.0683292593686934, 0.1],
+        [0.465206877057222, 0.104016199456826, 0, 0, 0, 0.300541242906497],
+    )
+    answer = motion(mechanism, state, 0.3, 6, 2, Route.EXTRAPOLATED)
+    p, v, w = LAB.centre(answer)
+    close((p, v, w), truth, 1e-8)
+    impulse = 2.0 * (v - [1.2, 0.3, 0.0]) + [0, 0, 0.3 * 2.0 * G]
+    close((answer.contact_impulse.sum(axis=(0, 1)) @ LAB.axes,), (impulse,), 1e-6)
+    assert np.all(answer.contact_mode == 1)
+
+
+def test_a_bowling_ball_slides_on_a_parabola_then_rolls():
+    inertia = 0.4 * 1.3 * 0.11**2
+    mechanism = LAB.free_body(1.3, [inertia] * 3, LEVEL, [LAB.sphere(0.11, friction=0.2)])
+    state = LAB.state([0, 0, 0.11], [3.0, 1.0, 0.0], [25.0, 10.0, 40.0])
+    answer = motion(mechanism, state, 2.0, 40, 1, Route.EXTRAPOLATED)
+    truth = (
+        [5.08044993254752, 0.185098551080632, 0.11],
+        [2.45714285714286, -0.0714285714285714, 0.0],
+        [0.649350649350649, 22.3376623376623, 40.0],
+    )
+    close(LAB.centre(answer), truth, 5e-6)
+    assert set(answer.contact_mode[:12, 0]) == {1}
+    assert set(answer.contact_mode[-20:, 0]) == {2}
+
+
+def test_a_block_that_slides_up_an_incline_stays_there():
+    mechanism = LAB.free_body(2.0, (0.02, 0.03, 0.04), incline(20), LAB.points(CORNERS, friction=0.5))
+    state = LAB.state([0, 0, 0.1], [-3.0, 0, 0])
+    answer = motion(mechanism, state, 1.0, 40, 1, Route.EXTRAPOLATED)
+    close((LAB.centre(answer)[0],), ([-0.565013610587311, 0, 0.1],), 1e-5)
+    assert np.all(answer.contact_mode[-5:] == 2)
+    creeps = [np.linalg.norm(LAB.centre(motion(mechanism, state, 1.0, 40, n))[1]) for n in (0, 1)]
+    assert creeps[0] / creeps[1] == pytest.approx(2.0, abs=0.1)
+
+
+def test_a_ball_starts_to_slide_just_below_the_threshold_of_rolling():
+    """mu = 0.16 and 0.17 beside 2/7 tan 30 deg = 0.16496."""
+    inertia = 0.4 * 1.3 * 0.01
+    for mu, x, bar in ((0.17, 1.75178571428571, 1e-8), (0.16, 1.77284326310997, 1e-5)):
+        mechanism = LAB.free_body(1.3, [inertia] * 3, incline(30), [LAB.sphere(0.1, friction=mu)])
+        answer = motion(mechanism, LAB.state([0, 0, 0.1], [0, 0, 0]), 1.0, 40, 2, Route.EXTRAPOLATED)
+        close((LAB.centre(answer)[0],), ([x, 0.0, 0.1],), bar)
+
+
+def test_the_end_of_a_rod_hits_a_rough_floor():
+    """Half-length 1 m at 45 deg, mu 0.3, e 0.5, slipping one way: the same by Newton's and by Poisson's law."""
+    c = np.sqrt(0.5)
+    tip = PointPlane("tip", "body", LAB.in_body([c, 0, -c]), GROUND, LAB.origin, LAB.axes[:, 2], friction=0.3,
+                     restitution=0.5)  # fmt: skip
+    mechanism = LAB.free_body(1.0, (1 / 3, 1 / 3, 1 / 3), np.zeros(3), [tip])
+    N = 0.731707317073171
+    state = LAB.state([0, 0, c + 1e-4], [0.5, 0, -1.0])
+    answer = motion(mechanism, state, 0.01, 1, 0)
+    close((answer.contact_impulse[-1, 0] @ LAB.axes,), ([-0.3 * N, 0.0, N],), 5e-3)
+    close((LAB.centre(answer)[1],), ([0.5 - 0.3 * N, 0.0, N - 1.0],), 5e-3)
+
+
+def test_a_ball_bounces_with_its_restitution_whatever_its_mass():
+    """The spring holds the ball for pi / 1000 s; a softness of a half is four times the stiffness."""
+    t1, u = np.sqrt(2.0 / G), np.sqrt(2.0 * G)
+    later = 0.7 - t1
+    truth = [0, 0, 0.1 + 0.5 * u * later - 0.5 * G * later**2], [0, 0, 0.5 * u - G * later]
+    for mass, softness, bar in ((1.3, 1.0, 3e-2), (40.0, 0.5, 1.8e-2)):
+        mechanism = LAB.free_body(mass, [0.4 * mass * 0.01] * 3, LEVEL, [LAB.sphere(0.1, restitution=0.5)])
+        method = replace(ENGINE.methods(mechanism, T)[0], softness=softness)
+        answer = ENGINE.trajectory(
+            mechanism, LAB.state([0, 0, 1.1], [0, 0, 0]), np.linspace(0, 0.7, 15), method, 1.25e-5
+        )
+        close(LAB.centre(answer)[:2], truth, bar)
+
+
+def test_a_pendulum_with_dry_friction_comes_to_rest_away_from_its_lowest_point():
+    mechanism = pendulum(LAB, bound=0.5)
+    state = initial_state(mechanism, Initial({"hinge": {"angle": 1.5}}))
+    errors = [LAB.angle(motion(mechanism, state, 6.0, 120, level))[0] - 0.0994902036052787 for level in (0, 1)]
+    assert abs(errors[1]) < 2e-3
+    assert errors[0] / errors[1] == pytest.approx(2.0, abs=0.2)  # it creeps, by a speed that follows the step
+
+
+def test_a_pendulum_bounces_to_rest_on_a_stop():
+    mechanism = pendulum(LAB, stop={"lower": 0.3, "restitution": 0.5})
+    state = initial_state(mechanism, Initial({"hinge": {"angle": 1.0}}))
+    first = motion(mechanism, state, 0.5, 10, 1)
+    rates = first.w_WB_W[:, 0] @ LAB.axes[:, 1]
+    assert first.time[7] < 0.35370093125674 < first.time[8]  # the first impact
+    assert rates[7] < 0.0 < rates[8]
+    answer = motion(mechanism, state, 2.0, 40, 0)
+    close((LAB.angle(answer), answer.w_WB_W[-1, 0]), ([0.3], np.zeros(3)), 1e-4)
+
+
+@pytest.mark.parametrize(
+    ("contact", "words"),
+    [
+        (lambda: LAB.sphere(0.1, friction=0.1, rolling=0.01), "no moments"),
+        (lambda: LAB.sphere(0.1, friction=0.1, static_friction=0.2), "one coefficient"),
+        (
+            lambda: DiscPlane("d", "body", LAB.com, np.array([1.0, 0, 0]), 0.1, GROUND, LAB.origin, LAB.axes[:, 2]),
+            "rim",
+        ),
+    ],
+)
+def test_what_exudyn_cannot_represent_is_named_with_the_reason(contact, words):
+    refused = ENGINE.unsupported(LAB.free_body(2.0, BALL, LEVEL, [contact()]), T)
+    assert len(refused) == 1
+    assert words in refused[0].reason
+
+
+def test_motions_with_constraints_are_refused_and_instants_are_not():
+    mechanism, _ = stacked(LAB, 0.0)
+    held = replace(mechanism, joints=(mechanism.joints[0], replace(mechanism.joints[1], kind="spherical")))
+    assert ENGINE.unsupported(held, I) == ()
+    (refused,) = ENGINE.unsupported(held, T)
+    assert "explicit integrators" in refused.reason
+
+
+def test_only_the_declared_pairs_collide():
+    """The upper box has no contacts: it falls through the lower one."""
+    mechanism, state = stacked(LAB, 0.0, upper=False)
+    answer = motion(mechanism, state, 0.2, 4, 0)
+    close((LAB.axes[:, 2] @ answer.v_WB_W[-1, 1],), ([-0.2 * G],), 1e-9)
