@@ -4,6 +4,8 @@ CODE = '''
 MODEL = mujoco.MjModel.from_xml_path(str(Path(__file__).with_name("model.xml")))
 for name, factor in FACTORS.items():  # softness of constraints, for which MJCF has no attribute
     getattr(MODEL, name)[:] *= factor
+# MuJoCo's compiler takes frames for equal that differ by less than 1e-6
+MODEL.body_sameframe[:] = MODEL.site_sameframe[:] = 0
 
 
 def control_of(signal, t, length, rate):

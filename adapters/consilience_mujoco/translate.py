@@ -25,6 +25,7 @@ from consilience.mechanism import (
     Mechanism,
     Tree,
     quaternion_from_rotation,
+    quaternion_product,
     to_elementary_tree,
 )
 from consilience_mujoco.actuators import Signal, add_forces
@@ -32,6 +33,9 @@ from consilience_mujoco.contacts import Limit, Touch, add_contacts, limits_of, t
 from consilience_mujoco.messages import warnings_raise
 from consilience_mujoco.places import add_site, compose, inverse, link_name
 from consilience_mujoco.rows import Rows, add_rows, rows_of
+
+FRAME_EPS = 1e-5
+"""Difference of frames, in m or parts of a quaternion, above which MuJoCo never takes one for the other."""
 
 JOINT_TYPES = {
     "R": mujoco.mjtJoint.mjJNT_HINGE,
@@ -109,6 +113,17 @@ def principal_inertia(inertia: Array) -> tuple[Array, Array]:
     return moments, quaternion_from_rotation(axes)
 
 
+def _seen(moments: Array, quat: Array, com: Array) -> tuple[Array, Array]:
+    """Return principal moments and axes in another order, where MuJoCo would take them for the axes of the body.
+
+    MuJoCo drops differences of frames below `FRAME_EPS` when it compiles, and the products of inertia with them.
+    """
+    turned, moved = float(np.linalg.norm(quat[1:])), float(np.linalg.norm(com))
+    if turned > FRAME_EPS or (turned == 0.0 and (moved == 0.0 or moved > FRAME_EPS)):
+        return moments, quat
+    return moments[[1, 2, 0]], quaternion_product(quat, np.full(4, 0.5))
+
+
 def _chains(tree: Tree) -> list[list[int]]:
     """Group the indices of the links by the joint to which they belong, in the order of the tree."""
     chains: list[list[int]] = [[]]
@@ -153,7 +168,7 @@ def _add_body(spec: Any, mechanism: Mechanism, tree: Tree, chain: list[int]) -> 
     for link in links[1:]:
         poses.append(compose(poses[-1], link.placement))
     at = poses[-1]
-    moments, axes = principal_inertia(last.inertia)
+    moments, axes = _seen(*principal_inertia(last.inertia), last.com)
     body = mother.add_body(
         name=link_name(tree, chain[-1]),
         pos=at.p,
@@ -265,6 +280,7 @@ def translate(mechanism: Mechanism) -> Translation:
     add_contacts(spec, mechanism, tree)
     with warnings_raise():
         model = spec.compile()
+        model.body_sameframe[:] = model.site_sameframe[:] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
         data = mujoco.MjData(model)
     ends = {i: chain[-1] for chain in chains for i in chain}
     return Translation(

@@ -85,6 +85,28 @@ def one_body(kind, *, backwards=False, inertia=None, **elements):
     return Mechanism("one", GRAVITY, (body,), (Joint("j", kind, i, j, F, M),), **elements)
 
 
+@pytest.mark.parametrize("com", [np.zeros(3), np.array([2e-7, -1e-7, 3e-7])])
+@pytest.mark.parametrize("kind", ["revolute", "spherical", "free"])
+def test_tilts_and_offsets_of_1e_7_act(mujoco_engine, kind, com):
+    """MuJoCo's compiler takes frames for equal that differ by less than 1e-6; equations of motion in dense NumPy."""
+    tilt = rotation_from_quaternion(quaternion_from_rotation_vector([1e-7, 2e-7, -3e-7]))
+    body = replace(lumpy_body("b", np.random.default_rng(3)), drawing=Frame(np.zeros(3), np.eye(3)), com=com)
+    body = replace(body, inertia=tilt @ np.diag([0.1, 0.2, 0.25]) @ tilt.T)
+    at = Frame(np.array([2e-7, 1e-7, 4e-7]), tilt @ tilt)
+    mechanism = Mechanism("tilted", GRAVITY, (body,), (Joint("j", kind, GROUND, "b", at, at),))
+    states = states_of(mechanism)
+    found = mujoco_engine.instant(mechanism, states, mujoco_engine.methods(mechanism, Question.INSTANT)[0])
+    for n, state in enumerate(states):
+        a, alpha, *_ = truth.solve(mechanism, state)
+        np.testing.assert_allclose(found.a_WB_W[n], a, rtol=0, atol=1e-13 * np.max(np.abs(GRAVITY)))
+        np.testing.assert_allclose(found.alpha_WB_W[n], alpha, rtol=0, atol=1e-12 * (1.0 + np.max(np.abs(alpha))))
+        translation = translate(mechanism)
+        set_state(translation, state)
+        p, quat, _, _ = poses_and_velocities(translation)
+        np.testing.assert_allclose(p, state.p_WB, rtol=0, atol=1e-15)
+        assert np.max(rotation_angle_between(quat, state.quat_WB)) < 1e-14
+
+
 @pytest.mark.parametrize("name", ["branched", "loop_rod", "backward_universal", "floating_chain"])
 def test_poses_and_velocities_go_in_and_come_back(name):
     mechanism = ALL[name]
