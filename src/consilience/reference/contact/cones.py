@@ -6,7 +6,7 @@ does; least norm is no criterion (Pfeiffer and Glocker 1996). The margin is
 
     max over the set of min over the cones of (along - |across|), for a sticking contact mu_s N - |T|,
 
-a concave problem, solved by the logarithmic barrier of second-order cones (Nesterov and Nemirovskii 1994).
+a concave problem over second-order cones.
 """
 
 from __future__ import annotations
@@ -16,20 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from consilience.mechanism import Array
+from consilience.reference.contact.barrier import minimise
 from consilience.reference.contact.mode_system import ModeSolution, active, solve_with_modes
 from consilience.reference.contact.problem import ContactProblem, Modes
 
 _GAP = 1e-14
 """Distance from the optimum at which the barrier method ends, relative to the forces."""
-
-_COUNT = 2.0
-"""Barrier parameter of a second-order cone."""
-
-_FASTER = 50.0
-"""Factor between the weights of the cost along the central path."""
-
-_CENTRED = 1e-2
-"""Newton decrement, squared, that ends the centring."""
 
 _FURTHEST = 10.0
 """Largest margin that is looked for, relative to the forces of least norm: wedged contacts hold one another with forces
@@ -145,7 +137,7 @@ def admissible_force(problem: ContactProblem, solution: ModeSolution, margin: St
     Z = solution.undetermined
     start = Z.T @ (margin.force - solution.force)
     barrier = _Barrier(cones, solution.force / unit, Z, unit)
-    y = barrier.minimise(np.zeros(k), np.eye(k), start / unit)
+    y = barrier.minimise(np.zeros(k), 1.0, start / unit)
     return solution.force + unit * (Z @ y)
 
 
@@ -162,7 +154,7 @@ def _widest(cones: _Cones, solution: ModeSolution) -> Array:
     start[k] = min(float(np.min(cones.slack(solution.force))) / unit, _FURTHEST) - 1.0
     cost = np.zeros(k + 1)
     cost[k] = -1.0
-    y = barrier.minimise(cost, np.zeros((k + 1, k + 1)), start)
+    y = barrier.minimise(cost, 0.0, start)
     return solution.force + unit * (Z @ y[:k])
 
 
@@ -183,56 +175,6 @@ class _Barrier:
             self.v = np.vstack([self.v, np.zeros((2, 2))])
             self.V = np.concatenate([self.V, np.zeros((2, 2, k + 1))])
 
-    def minimise(self, cost: Array, quadratic: Array, y: Array) -> Array:
-        """Minimise ``cost . y + y . quadratic y / 2`` from a point within the cones."""
-        weight = 1.0
-        y = self._centre(weight * cost, weight * quadratic, y)
-        while weight < _COUNT * len(self.t) / _GAP:
-            # along the central path y is nearly linear in 1/weight
-            _, hessian = self._derivatives(weight * quadratic, y)
-            ahead = (1.0 - 1.0 / _FASTER) * weight * _solve(hessian, cost + quadratic @ y)
-            while np.isinf(self._value(cost, quadratic, y - ahead)):
-                ahead = 0.5 * ahead
-            weight *= _FASTER
-            y = self._centre(weight * cost, weight * quadratic, y - ahead)
-        return y
-
-    def _value(self, cost: Array, quadratic: Array, y: Array) -> float:
-        t, v = self.t + self.T @ y, self.v + self.V @ y
-        inside = t * t - np.sum(v * v, axis=1)
-        if np.min(t) <= 0.0 or np.min(inside) <= 0.0:
-            return float(np.inf)
-        return float(cost @ y + 0.5 * y @ quadratic @ y - np.sum(np.log(inside)))
-
-    def _derivatives(self, quadratic: Array, y: Array) -> tuple[Array, Array]:
-        """Return gradient and Hessian of the barrier, the Hessian with that of the quadratic."""
-        t, v = self.t + self.T @ y, self.v + self.V @ y
-        inside = t * t - np.sum(v * v, axis=1)
-        scaled = 2.0 * (t[:, None] * self.T - np.einsum("cd,cdk->ck", v, self.V)) / inside[:, None]
-        across = (self.V / np.sqrt(inside)[:, None, None]).reshape(-1, len(y))
-        along = self.T / np.sqrt(inside)[:, None]
-        return -np.sum(scaled, axis=0), quadratic + scaled.T @ scaled + 2.0 * (across.T @ across - along.T @ along)
-
-    def _centre(self, cost: Array, quadratic: Array, y: Array) -> Array:
-        """Newton's method with step halving on the barrier function."""
-        for _ in range(50):
-            gradient, hessian = self._derivatives(quadratic, y)
-            gradient = gradient + cost + quadratic @ y
-            step = -_solve(hessian, gradient)
-            value, length, decrement = self._value(cost, quadratic, y), 1.0, -float(gradient @ step)
-            while length > 1e-10 and not self._value(cost, quadratic, y + length * step) <= value:
-                length *= 0.5
-            if length <= 1e-10:
-                return y
-            y = y + length * step
-            if decrement < _CENTRED:
-                return y
-        return y
-
-
-def _solve(hessian: Array, gradient: Array) -> Array:
-    """Solve with a Hessian that is singular where the cones leave a direction free."""
-    scale = np.sqrt(np.diag(hessian))
-    scale = np.where(scale > 0.0, scale, 1.0)
-    found: Array = np.linalg.lstsq(hessian / np.outer(scale, scale), gradient / scale, rcond=None)[0]
-    return found / scale
+    def minimise(self, cost: Array, curvature: float, y: Array) -> Array:
+        """Minimise ``cost . y + curvature y . y / 2`` from a point within the cones."""
+        return np.asarray(minimise(self.t, self.T, self.v, self.V, cost, curvature, y, _GAP))

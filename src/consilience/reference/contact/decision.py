@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from consilience.mechanism import Array
-from consilience.reference.contact.cones import StickingMargin, sticking_margin
 from consilience.reference.contact.groups import RowGroup, groups
 from consilience.reference.contact.mode_system import ModeSolution
 from consilience.reference.contact.problem import ContactProblem, Modes
@@ -32,7 +31,6 @@ class ModeDecision:
     undetermined : ndarray, shape (m, k)
         Orthonormal changes of the force that change no acceleration; the force given is then the one of least norm in
         the cones.
-    margin : StickingMargin
     unique : bool, optional
         Whether the accelerations are the only ones; none if that was not examined, the combinations being too many.
     others : tuple of ModeSolution
@@ -43,7 +41,6 @@ class ModeDecision:
     force: Array
     acceleration: Array
     undetermined: Array
-    margin: StickingMargin
     unique: bool | None
     others: tuple[ModeSolution, ...]
 
@@ -58,6 +55,7 @@ def decide(
     previous: Modes | None = None,
     opened: frozenset[int] = frozenset(),
     started: Mapping[int, Array] | None = None,
+    exhaustive: bool = False,
 ) -> ModeDecision:
     """Decide the modes of all contacts, stops and dry joints.
 
@@ -72,6 +70,9 @@ def decide(
     started : mapping of int to ndarray, optional
         Friction sets that have just reached their bound, with the heading in which they start to slide: opposite to
         their last force, shape (d,).
+    exhaustive : bool
+        Whether to look for other solutions among all combinations of modes, where they are not too many; otherwise
+        some starts of Lemke's method look for them.
 
     Raises
     ------
@@ -89,7 +90,7 @@ def decide(
             [k for k, i in enumerate(group.normals) if i in opened],
             {at[j]: heading for j, heading in (started or {}).items() if j in at},
         )
-        found.append((group, *search.decide(first)))
+        found.append((group, *search.decide(first, exhaustive)))
     return _assembled(problem, found)
 
 
@@ -106,8 +107,7 @@ def _assembled(
     ]
     judged = {one for _, _, _, one in found}
     unique = False if False in judged else None if None in judged else True
-    margin = sticking_margin(problem, whole.modes, whole)
-    return ModeDecision(whole.modes, whole.force, whole.acceleration, whole.undetermined, margin, unique, tuple(others))
+    return ModeDecision(whole.modes, whole.force, whole.acceleration, whole.undetermined, unique, tuple(others))
 
 
 def _joined(problem: ContactProblem, parts: list[tuple[RowGroup, ModeSolution]]) -> ModeSolution:

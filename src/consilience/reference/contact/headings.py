@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 
 from consilience.mechanism import Array
-from consilience.reference.contact.mode_system import ModeSolution, active, solve_with_modes
+from consilience.reference.contact.mode_system import RANK, ModeSolution, active, columns_and_rows, solve_with_modes
 from consilience.reference.contact.problem import ContactProblem, Modes
 
 _AT_REST = 1e-13
@@ -23,7 +23,7 @@ _AT_REST = 1e-13
 _SCAN = 24
 """Headings of one circle between which a root is looked for."""
 
-_MOST_GUESSES = 9
+_MOST_GUESSES = 3
 
 
 class Headings:
@@ -43,6 +43,23 @@ class Headings:
         ]
         drags = [modes.friction[j].drag for j in self.starting]
         self.given = np.array([np.arctan2(-drag[1], -drag[0]) for drag in drags])
+        if self.starting:
+            self._prepare()
+
+    def _prepare(self) -> None:
+        """Set up the system of these modes, in which a heading changes one column and the constant force."""
+        problem = self.problem
+        self._constant, self._columns, E = columns_and_rows(problem, self.modes)
+        self._size = np.abs(E) @ problem.row_scale()
+        self._response = (E @ problem.delassus) / self._size[:, None]
+        self._wanted = -(E @ problem.free) / self._size
+        closed = [n for n, shut in zip(problem.normals, self.modes.closed, strict=True) if shut]
+        self._rows = np.array([problem.friction[j].rows for j in self.starting])
+        self._kinetic = np.array([problem.friction[j].kinetic for j in self.starting])
+        self._offset = np.array([problem.friction[j].offset for j in self.starting])
+        loads = [problem.friction[j].load for j in self.starting]
+        self._column = [closed.index(load) if load in closed else -1 for load in loads]
+        self._moved = problem.delassus[self._rows.ravel()]
 
     def solved(self) -> ModeSolution:
         """Solve with the headings found from the given ones."""
@@ -57,11 +74,10 @@ class Headings:
             yield self.solved()
         elif count == 1:
             angles = self.given[0] + np.linspace(0.0, 2.0 * np.pi, _SCAN + 1)
-            values = [float(self._across(np.array([angle]))[0]) for angle in angles]
+            values = [self._one(angle) for angle in angles]
             for k in range(_SCAN):
                 if values[k] * values[k + 1] <= 0.0:
-                    angle = scipy.optimize.brentq(self._one, angles[k], angles[k + 1], xtol=1e-15, rtol=1e-15)
-                    yield solve_with_modes(self.problem, self._turned(np.array([angle])))
+                    yield self._from(np.array([scipy.optimize.brentq(self._one, angles[k], angles[k + 1], xtol=1e-6)]))
         else:
             offsets = list(product(2.0 * np.pi / 3.0 * np.arange(3), repeat=count))
             for offset in offsets[:: max(1, len(offsets) // _MOST_GUESSES)]:
@@ -83,6 +99,15 @@ class Headings:
 
     def _across(self, angles: Array) -> Array:
         """Return the accelerations across the headings, relative to the largest."""
-        a = solve_with_modes(self.problem, self._turned(angles)).acceleration
-        pairs = [(a[list(self.problem.friction[j].rows)], t) for j, t in zip(self.starting, angles, strict=True)]
-        return np.array([w[1] * np.cos(t) - w[0] * np.sin(t) for w, t in pairs]) / self.unit
+        along = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        drags = -self._kinetic[:, None] * along
+        S, constant = self._columns.copy(), self._constant.copy()
+        for rows, column, drag, offset in zip(self._rows, self._column, drags, self._offset, strict=True):
+            constant[rows] = offset * drag
+            if column >= 0:
+                S[rows, column] = drag
+        S /= self._size
+        x = np.linalg.lstsq(self._response @ S, self._wanted - self._response @ constant, rcond=RANK)[0]
+        w = self.problem.free[self._rows] + (self._moved @ (constant + S @ x)).reshape(-1, 2)
+        across: Array = (w[:, 1] * along[:, 0] - w[:, 0] * along[:, 1]) / self.unit
+        return across

@@ -77,7 +77,9 @@ class ModeSearch:
             )
         return modes
 
-    def decide(self, preferred: Modes | None) -> tuple[ModeSolution, tuple[ModeSolution, ...], bool | None]:
+    def decide(
+        self, preferred: Modes | None, exhaustive: bool
+    ) -> tuple[ModeSolution, tuple[ModeSolution, ...], bool | None]:
         """Return the first admissible solution, the others, and whether there are none."""
         found = self.first(preferred)
         if found is None:
@@ -85,20 +87,24 @@ class ModeSearch:
         if proven_unique(self.problem):
             return found, (), True
         others: list[ModeSolution] = []
-        all_tried = candidates.count(self.problem) <= _MOST
-        for one in self.all(found) if all_tried else self._elsewhere():
+        all_tried = exhaustive and candidates.count(self.problem) <= _MOST
+        for one in self.all(found) if all_tried else self._elsewhere(found):
             if all(self.differs(one, other) for other in (found, *others)):
                 others.append(one)
         return found, tuple(others), False if others else True if all_tried else None
 
-    def _elsewhere(self) -> Iterator[ModeSolution]:
-        """Yield the solutions that Lemke's method reaches from other sides."""
-        count = len(self.problem.normals) + len(self.undecided)
-        for covering in np.random.default_rng(0).uniform(0.05, 1.0, size=(_SIDES, count)):
-            modes = candidates.guess(self.problem, covering=covering)
-            solved = None if modes is None else self.exchanged(modes)
-            if solved is not None:
-                yield solved
+    def _elsewhere(self, found: ModeSolution) -> Iterator[ModeSolution]:
+        """Yield the solutions reached from all held, from all open, and by Lemke's method from several sides."""
+        count, tried = len(self.problem.normals) + len(self.undecided), [found.modes]
+        coverings = np.random.default_rng(0).uniform(0.05, 1.0, size=(_SIDES, count))
+        opened = Modes(np.zeros(len(self.problem.normals), dtype=bool), self.natural.friction)
+        guesses = (candidates.guess(self.problem, covering=covering) for covering in coverings)
+        for modes in (self.natural, opened, *guesses):
+            if modes is not None and not any(alike(modes, one) for one in tried):
+                tried.append(modes)
+                solved = self.exchanged(modes)
+                if solved is not None:
+                    yield solved
 
     def first(self, preferred: Modes | None) -> ModeSolution | None:
         """Return the first admissible candidate."""
@@ -239,3 +245,11 @@ class ModeSearch:
             f"no modes of {names} satisfy the laws of contact: the best candidate violates that of {self.best[1]} by "
             f"{self.best[0]:.3g} of the forces"
         )
+
+
+def alike(one: Modes, other: Modes) -> bool:
+    """Return whether two sets of modes agree in what is closed, what slides and, roughly, where to."""
+    return bool(np.array_equal(one.closed, other.closed)) and all(
+        a.name == b.name and float(a.drag @ b.drag) >= 0.9 * float(np.linalg.norm(a.drag) * np.linalg.norm(b.drag))
+        for a, b in zip(one.friction, other.friction, strict=True)
+    )

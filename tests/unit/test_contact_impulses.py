@@ -1,0 +1,62 @@
+"""Impulses of simultaneous impacts by the laws of Newton, Moreau and Poisson, against closed forms."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from consilience.reference.contact.impulse import solve_impulse
+from consilience.reference.contact.problem import ContactProblem
+from touching_bodies import CORNERS, LUMPY, rod, total, touching
+
+
+def test_impact_without_collision():
+    # the same rod at 1.1 rad: tip and centre at speed 1; the impulse that stops the tip
+    problem = rod(1.1, 1.5)
+    found = solve_impulse(replace(problem, free=np.array([0.0, 1.0, 0.0])), np.zeros(1), "moreau")
+    np.testing.assert_allclose(found.impulse, [0.303186151432346, -0.404312081029245, 0.0], rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(found.velocity, 0.0, atol=1e-14)
+
+
+@pytest.mark.parametrize("law", ["newton", "moreau", "poisson"])
+@pytest.mark.parametrize(("count", "e"), [(3, 1.0), (3, 0.5), (5, 1.0), (5, 0.5)])
+def test_balls_in_a_row(law, count, e):
+    # simultaneous: the first keeps (1 - (n - 1) e)/n, the others have (1 + e)/n; the laws differ for Poisson
+    J = np.eye(count)[1:] - np.eye(count)[:-1]
+    v = np.eye(count)[0]
+    names = tuple("abcd"[: count - 1])
+    problem = ContactProblem(J @ J.T, J @ v, names, tuple(range(count - 1)))
+    after = v + J.T @ solve_impulse(problem, np.full(count - 1, e), law).impulse
+    if law == "poisson" and count > 2:
+        assert np.sum(after) == pytest.approx(1.0, rel=1e-12)
+        return
+    np.testing.assert_allclose(after, [(1 - (count - 1) * e) / count, *[(1 + e) / count] * (count - 1)], atol=1e-12)
+
+
+@pytest.mark.parametrize("law", ["newton", "moreau", "poisson"])
+def test_flat_box_drop(law):
+    # all corners reverse, no spin; single impulses are undetermined, their sum is (1 + e) m u
+    problem = touching(CORNERS, 2.0, LUMPY, np.zeros(6), 0.4)
+    before = np.tile([-1.9, 0.0, 0.0], 4)
+    found = solve_impulse(replace(problem, free=before), np.full(4, 0.3), law)
+    np.testing.assert_allclose(found.velocity, -0.3 * before, atol=1e-12)
+    np.testing.assert_allclose(total(problem, found.impulse), [0.0, 0.0, 1.3 * 2.0 * 1.9], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("degrees", "mu", "slip", "law", "impulse", "after"),
+    [
+        (45.0, 0.3, 0.5, "poisson", (0.731707317073171, -0.219512195121951), (1.04878048780488, 0.5)),
+        (45.0, 0.3, 0.5, "newton", (0.731707317073171, -0.219512195121951), (1.04878048780488, 0.5)),
+        (45.0, 0.3, -0.2, "poisson", (0.673170731707, -0.148617886179), (0.438211382114, 0.46)),
+        (45.0, 0.3, -0.2, "newton", (0.6, 0.0), (0.7, 0.5)),
+        (60.0, 0.8, 0.2, "poisson", None, (0.0, 0.53997040325159)),
+    ],
+)
+def test_rod_hits_the_floor(degrees, mu, slip, law, impulse, after):
+    # half-length 1, 1 kg, tip to the right of and below the centre, e 0.5; laws differ where the slip reverses
+    problem = replace(rod(np.radians(degrees), mu), free=np.array([-1.0, slip, 0.0]))
+    found = solve_impulse(problem, np.array([0.5]), law)
+    np.testing.assert_allclose(found.velocity, [after[1], after[0], 0.0], atol=1e-11)
+    if impulse:
+        np.testing.assert_allclose(found.impulse, [*impulse, 0.0], atol=1e-11)
