@@ -23,6 +23,7 @@ from consilience.reference.bodies.joint_rows import coordinate
 from consilience.reference.bodies.mass_metric import factorise, mass_matrix
 from consilience.reference.bodies.motion import rotations
 from consilience.reference.bodies.projection import project
+from consilience.reference.formulations.row_selection import RowSelection, selection
 from consilience.reference.kernel.compiled import kernel
 
 
@@ -115,6 +116,10 @@ class BodyTerms:
         _evaluate(self._model, t, y, turns, ws, rates, errors)
         return Terms(ws.f, ws.Q, ws.gamma, ws.rate, ws.value, self.integrals_of(errors), rates)
 
+    def kept_rows(self, found: Array, known: RowSelection) -> RowSelection:
+        """Return the selection of rows of the last Q to go on with; arguments as in `row_selection.selection`."""
+        return selection(self._ws.Q, found, known)
+
     def independent_rows(self, limit: int | None = None) -> Array:
         """Return the indices of independent rows of the last Q: pivots of a QR of ``L^-1 Q^T``, ``M = L L^T``.
 
@@ -165,10 +170,11 @@ class BodyTerms:
         forces.count_turns(self._model, y, self._ws, counted)
         return counted
 
-    def project(self, t: float, y: Array, turns: Array) -> int:
-        """Project y in place onto ``g = 0``, ``Q (v, w') = nu``; return the rank until the next projection [MASS]."""
+    def project(self, t: float, y: Array, turns: Array) -> Array:
+        """Project y in place onto ``g = 0``, ``Q (v, w') = nu`` [MASS]; return rows that are independent there."""
         project(self._model, t, y, turns, self._ws)
-        return int(self._ws.limit[0])
+        rows: Array = self._ws.pivot[: self._ws.limit[0]].copy()
+        return rows
 
 
 class DaeMotion:

@@ -13,15 +13,15 @@ articulated_body        minimal form along a spanning tree, articulated bodies, 
 composite_body          the same with the joint-space mass matrix of composite bodies (`recursive`)
 ======================  ==================================================================================
 
-All share the coordinates ``u = (y, turns, rank)``, so that the derivative depends on t and u alone:
+All share the coordinates ``u = (y, turns)`` and a chart:
 
 - y: the packed state of `bodies.arrays`, row by row;
 - turns: the joint coordinates that elements read. A pose determines an angle up to full turns; these angles are
   integrated by their rates and determine the full turns, nothing else;
-- rank: rank of the constraints where they hold, the upper limit off the manifold, where dependent rows look
-  independent. It is constant between calls of `settle`.
+- chart: independent rows, found where the constraints hold and kept off the manifold, where dependent rows look
+  independent. It is constant between calls of `settle` (and of `coordinates`).
 
-`settle` projects y onto the constraints in the mass metric, reads the angles from the poses, and determines the rank.
+`settle` projects y onto the constraints in the mass metric, reads the angles from the poses, and selects rows.
 
 **Reactions.** The descriptor form computes its multipliers with the accelerations. For the other formulations they are
 the solution of least norm of ``Q^T lam = M a - f`` [C4 (4.84)-(4.97)].
@@ -37,15 +37,16 @@ from consilience.engine import Unsupported
 from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import RANK_TOLERANCE, Array, Mechanism, State
 from consilience.reference.bodies import constraints
-from consilience.reference.bodies.arrays import Model, P, Workspace, all_rows, flatten, pack, unpack, workspace
+from consilience.reference.bodies.arrays import Model, P, Workspace, flatten, pack, unpack, workspace
 from consilience.reference.bodies.canonical import at_origins, joint_wrenches
 from consilience.reference.bodies.forces import control_errors, count_turns
 from consilience.reference.bodies.joint_rows import coordinate
-from consilience.reference.bodies.mass_metric import mass_matrix
-from consilience.reference.bodies.motion import state_rates
+from consilience.reference.bodies.mass_metric import factorise, mass_matrix
+from consilience.reference.bodies.motion import rotations, state_rates
 from consilience.reference.bodies.projection import project
 from consilience.reference.bodies.spanning_tree import TreeModel, flatten_tree
 from consilience.reference.formulations import descriptor, null_space, null_space_qr, partitioning, recursive
+from consilience.reference.formulations.row_selection import RowSelection, selection
 from consilience.reference.kernel.compiled import kernel
 
 AppliedForces = Callable[[float, State], Array]
@@ -112,6 +113,11 @@ class KernelFormulation:
     ------
     InvalidInput
         If there is no kernel of that name.
+
+    Attributes
+    ----------
+    chart : tuple of int
+        Selected independent rows.
     """
 
     def __init__(self, mechanism: Mechanism, name: str, forces: AppliedForces | None = None) -> None:
@@ -125,13 +131,17 @@ class KernelFormulation:
         self._kernel = KERNELS[name] if name in KERNELS else TREE_KERNELS[name]
         self._tree: tuple[TreeModel, ...] = () if name in KERNELS else (flatten_tree(mechanism),)
         self._ws = workspace(self.model)
-        self._rows = all_rows(self.model)
+        self.chart: RowSelection = ()
 
     def coordinates(self, state: State) -> Array:
         """Return coordinates u of a consistent state; angles within half a turn of zero, integrals zero."""
         y, turns = self._packed(state)
-        _, rank = self._solve(0.0, y, turns, self._rows)
-        return np.concatenate([y.ravel(), turns, [rank]])
+        ws = self._ws
+        rotations(y, ws.A)
+        constraints.evaluate(self.model, 0.0, y, turns, ws)
+        ws.limit[0] = len(ws.Q)
+        self.chart = selection(ws.Q, ws.pivot[: factorise(self.model, ws)])
+        return np.concatenate([y.ravel(), turns])
 
     def state(self, u: Array) -> State:
         """Return the canonical state of u, Euler parameters normalised."""
@@ -142,18 +152,18 @@ class KernelFormulation:
         y, turns = self._split(u)
         du = np.zeros(len(u))
         dy, rates = self._split(du)
-        a, _ = self._solve(t, y, turns, round(u[-1]))
+        a = self._solve(t, y, turns, self.chart)
         _rates(self.model, t, y, turns, self._ws, a, dy, rates)
         return du
 
     def settle(self, t: float, u: Array) -> Array:
-        """Project u onto the constraints; return a new array with the turns and the rank found there."""
-        settled = np.array(u, dtype=float)
+        """Project u onto the constraints and select rows there; return a new array with the turns found."""
+        settled, ws = np.array(u, dtype=float), self._ws
         y, turns = self._split(settled)
-        self._ws.limit[0] = round(u[-1])
-        project(self.model, t, y, turns, self._ws)
-        count_turns(self.model, y, self._ws, turns)
-        settled[-1] = self._ws.limit[0]
+        ws.limit[0] = len(self.chart) or len(ws.Q)
+        project(self.model, t, y, turns, ws)
+        self.chart = selection(ws.Q, ws.pivot[: ws.limit[0]], self.chart)
+        count_turns(self.model, y, ws, turns)
         return settled
 
     def accelerations(self, state: State, t: float = 0.0) -> tuple[Array, Array]:
@@ -191,17 +201,18 @@ class KernelFormulation:
         lam: Array = np.linalg.lstsq(ws.Q.T, constraint_force, rcond=RANK_TOLERANCE)[0]
         return lam
 
-    def _solve(self, t: float, y: Array, turns: Array, limit: int) -> tuple[Array, int]:
-        """Compute accelerations (dv/dt, dw'/dt), shape (6 n_b,), and the rank, at most `limit`."""
-        a = np.empty(6 * len(self.mechanism.bodies))
-        self._ws.limit[0] = limit
+    def _solve(self, t: float, y: Array, turns: Array, rows: RowSelection = ()) -> Array:
+        """Compute accelerations (dv/dt, dw'/dt), shape (6 n_b,), with the rows given; none: with rows selected here."""
+        a, ws = np.empty(6 * len(self.mechanism.bodies)), self._ws
         if self.forces is not None:
             self._ws.external[:] = self._external(self.forces, t, y)
-        # the row order of the last projection is not part of u: choose independent rows anew
-        found, self._ws.best[0].rank = self._ws.best[0].rank, 0
-        rank = self._kernel(*self._tree, self.model, t, y, turns, self._ws, a)
-        self._ws.best[0].rank = found
-        return a, rank
+        found = ws.best[0].rank  # rows are selected anew where it is zero
+        ws.limit[0], ws.best[0].rank = len(ws.Q), 0
+        if rows:
+            ws.limit[0], ws.best[0].rank, ws.pivot[: len(rows)] = len(rows), len(rows), rows
+        self._kernel(*self._tree, self.model, t, y, turns, ws, a)
+        ws.best[0].rank = found
+        return a
 
     def _external(self, forces: AppliedForces, t: float, y: Array) -> Array:
         """Evaluate the callback; return forces at the centres of mass and torques in body axes, shape (6 n_b,)."""
@@ -215,7 +226,7 @@ class KernelFormulation:
         return np.hstack([wrench[:, :3], np.einsum("bji,bj->bi", A, torque)]).ravel()
 
     def _finite(self, t: float, y: Array, turns: Array) -> Array:
-        a, _ = self._solve(t, y, turns, self._rows)
+        a = self._solve(t, y, turns)
         if not np.all(np.isfinite(a)):
             raise NumericalFailure(f"reference, {self.name}: the accelerations are not finite")
         return a
@@ -235,6 +246,6 @@ class KernelFormulation:
 
     def _split(self, u: Array) -> tuple[Array, Array]:
         """Return views of u: y, shape (n_b + n_e, 13), and the turns, shape (n_c,)."""
-        count = len(u) - len(self.model.coordinate) - 1
+        count = len(u) - len(self.model.coordinate)
         y: Array = u[:count].reshape(-1, 13)
-        return y, u[count:-1]
+        return y, u[count:]

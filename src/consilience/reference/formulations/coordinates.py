@@ -15,12 +15,12 @@ symmetrised form, where p is in the null space of H^T M H, the row has a multipl
 Only independent rows, found by a rank-revealing QR, enter the system. Accelerations do not depend on the choice;
 multipliers are then converted to those of least norm.
 
-Coordinates u: x of all bodies, x' of all bodies, integrals of controllers, turns (the joint coordinates that elements
-read), and the rank of the constraints where they hold, the upper limit of the rank within a step.
+Coordinates u: x of all bodies, x' of all bodies, integrals of controllers, and turns (the joint coordinates that
+elements read).
 
 Singular orientations: Euler and Bryant angles raise `SingularOrientation`. A rotation vector is replaced by its
 complement beyond half a turn; Rodrigues parameters get a new reference orientation beyond a quarter turn
-(``R_WB = R(g) R_reference``, still w = H g'). `chart` records both.
+(``R_WB = R(g) R_reference``, still w = H g'). `chart` records both, and the rows that are kept within a step.
 """
 
 from __future__ import annotations
@@ -43,10 +43,12 @@ from consilience.reference.bodies.arrays import P, R, V, W, pack, unpack
 from consilience.reference.bodies.canonical import at_origins, joint_wrenches
 from consilience.reference.formulations.body_terms import BodyTerms, Terms, least_norm_multipliers
 from consilience.reference.formulations.orientations import NEAR_SINGULAR, ORIENTATIONS, switch_chart
+from consilience.reference.formulations.row_selection import RowSelection
 from consilience.reference.formulations.stabilisation import Stabilisation, right_hand_side
 
-Chart = tuple[int, tuple[tuple[float, ...], ...]]
-"""Number of chart changes, and Euler parameters of the reference orientations of Rodrigues parameters."""
+Chart = tuple[int, tuple[tuple[float, ...], ...], RowSelection]
+"""Number of changes of orientation coordinates, Euler parameters of the reference orientations of Rodrigues parameters,
+and the selected independent rows."""
 
 _NEWTON_STEPS = 4
 _CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
@@ -82,7 +84,6 @@ class _BodyMotion(NamedTuple):
     h: Array  # (n_b, 3) in dw'/dt = H x_R'' + h
     y: Array  # (n_b + n_e, 13) packed, without Euler parameters
     turns: Array  # (n_c,)
-    limit: int  # upper limit of the rank
 
 
 class DescriptorForm:
@@ -97,12 +98,12 @@ class DescriptorForm:
     Attributes
     ----------
     chart : Chart
-        Chart of the orientation coordinates in u; only `settle` changes it.
+        Chart of the orientation coordinates in u, and the rows; `coordinates` and `settle` change it.
     """
 
     def __init__(self, mechanism: Mechanism, name: str) -> None:
         self.name, self._variant = name, VARIANTS[name]
-        self.chart: Chart = (0, ((1.0, 0.0, 0.0, 0.0),) * len(mechanism.bodies))
+        self.chart: Chart = (0, ((1.0, 0.0, 0.0, 0.0),) * len(mechanism.bodies), ())
         self._mechanism = mechanism
         self._orientation = ORIENTATIONS[self._variant.orientation]
         self._normed = self._orientation.size == 4
@@ -129,7 +130,8 @@ class DescriptorForm:
         x_R = [self._orientation.from_quaternion(self._relative(b, y[b, P]), n) for b, n in enumerate(self._names)]
         turns = self._terms.count_turns(y, np.zeros(self._terms.turns))
         self._terms.evaluate(0.0, y, turns)
-        return self._from_packed(y, np.array(x_R), turns, len(self._terms.independent_rows()))
+        self.chart = (*self.chart[:2], tuple(self._terms.independent_rows().tolist()))
+        return self._from_packed(y, np.array(x_R), turns)
 
     def _relative(self, b: int, quat: Array) -> Array:
         """Return the Euler parameters of body b relative to its reference orientation."""
@@ -138,8 +140,8 @@ class DescriptorForm:
             return quat
         return quaternion_product(quat, _CONJUGATE * reference)
 
-    def _from_packed(self, y: Array, x_R: Array, turns: Array, rank: int) -> Array:
-        """Return u of a packed state y, orientation coordinates x_R, turns and rank."""
+    def _from_packed(self, y: Array, x_R: Array, turns: Array) -> Array:
+        """Return u of a packed state y, orientation coordinates x_R and turns."""
         n_b = self._n_b
         x, x_dot = np.empty((n_b, self._k)), np.empty((n_b, self._k))
         A = rotation_from_quaternion(y[:n_b, P])
@@ -147,7 +149,7 @@ class DescriptorForm:
         x[:, :3], x[:, 3:], x_dot[:, :3] = y[:n_b, R], x_R, y[:n_b, V]
         for b, name in enumerate(self._names):
             x_dot[b, 3:] = self._orientation.rates(x_R[b], w[b], name)
-        return np.concatenate([x.ravel(), x_dot.ravel(), self._terms.integrals_of(y), turns, [float(rank)]])
+        return np.concatenate([x.ravel(), x_dot.ravel(), self._terms.integrals_of(y), turns])
 
     def _positions(self, u: Array) -> Array:
         return u[: self._n].reshape(self._n_b, self._k)
@@ -178,7 +180,7 @@ class DescriptorForm:
         y[:n_b, R], y[:n_b, V] = x[:, :3], x_dot[:, :3]
         y[:n_b, W] = np.einsum("bij,bj->bi", H, x_dot[:, 3:])
         self._terms.integrals_of(y)[:] = integrals
-        return _BodyMotion(A, H, h, y, u[2 * self._n + len(integrals) : -1], round(u[-1]))
+        return _BodyMotion(A, H, h, y, u[2 * self._n + len(integrals) :])
 
     def _packed(self, u: Array) -> tuple[Array, Array]:
         """Return the packed state of u with unit Euler parameters, and the turns."""
@@ -203,7 +205,7 @@ class DescriptorForm:
         motion = self._motion(u)
         terms = self._terms.evaluate(t, motion.y, motion.turns, motion.A)
         second = self._solve(u, motion, terms)[0]
-        return np.concatenate([u[self._n : 2 * self._n], second, terms.integral_rates, terms.turn_rates, [0.0]])
+        return np.concatenate([u[self._n : 2 * self._n], second, terms.integral_rates, terms.turn_rates])
 
     def _solve(self, u: Array, motion: _BodyMotion, terms: Terms) -> tuple[Array, Array]:
         """Solve for x'', shape (n,), and the constraint force ``Q^T lam = M (H x'' + h) - f``, shape (6 n_b,)."""
@@ -212,7 +214,7 @@ class DescriptorForm:
         for b in range(n_b):
             blocks[b, 3:, b, 3:] = motion.H[b]
         H, h = blocks.reshape(6 * n_b, n), np.hstack([np.zeros((n_b, 3)), motion.h]).reshape(-1)
-        rows = self._terms.independent_rows(motion.limit)
+        rows = list(self.chart[2]) or self._terms.independent_rows()
         Q = terms.Q[rows]
         velocity = motion.y[:n_b, 7:].reshape(-1)
         drift, residual = Q @ velocity - terms.rate[rows], terms.value[rows]
@@ -273,11 +275,14 @@ class DescriptorForm:
             self._orientation.rates(self._positions(u)[b, 3:], np.zeros(3), name)
         y, turns = self._packed(u)
         if self._variant.stabilisation == "projection":
-            rank = self._terms.project(t, y, turns)
-            u = self._from_packed(y, self._continued(u, y), turns, rank)
+            rows = self._terms.project(t, y, turns)
+            u = self._from_packed(y, self._continued(u, y), turns)
         else:
             u = u.copy()
-        u[len(u) - len(turns) - 1 : -1] = self._terms.count_turns(y, turns)
+            self._terms.evaluate(t, y, turns)
+            rows = self._terms.independent_rows(len(self.chart[2]) or None)
+        self.chart = (*self.chart[:2], self._terms.kept_rows(rows, self.chart[2]))
+        u[len(u) - len(turns) :] = self._terms.count_turns(y, turns)
         return self._change_charts(u, y)
 
     def _continued(self, u: Array, y: Array) -> Array:
@@ -312,7 +317,7 @@ class DescriptorForm:
                 x[b, 3:], x_dot[b, 3:] = 0.0, 0.5 * w
                 count += 1
         if count:
-            self.chart = (self.chart[0] + count, tuple(references))
+            self.chart = (self.chart[0] + count, tuple(references), self.chart[2])
         return u
 
 

@@ -21,6 +21,18 @@ from consilience.reference.kernel.compiled import allocating
 
 
 @allocating
+def selected_rows(ws: Workspace) -> tuple[Array, Array]:
+    """Return Q and gamma of the rows that the last projection found independent; of all rows if it lost no rank.
+
+    Off the manifold dependent rows contradict these (see `factorisation.ordered_qr`).
+    """
+    if ws.best[0].rank == 0 or ws.limit[0] == ws.Q.shape[0]:
+        return ws.Q, ws.gamma
+    rows = ws.pivot[: ws.limit[0]]
+    return ws.Q[rows], ws.gamma[rows]
+
+
+@allocating
 def basis(Q: Array, gamma: Array, limit: int) -> tuple[Array, Array]:
     """Return a null-space basis J, shape (6 n_b, freedom), and the least-norm solution abar of ``Q abar = gamma``.
 

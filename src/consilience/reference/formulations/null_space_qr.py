@@ -17,7 +17,7 @@ from consilience.mechanism import Array
 from consilience.reference.bodies import constraints, forces
 from consilience.reference.bodies.arrays import Model, Workspace
 from consilience.reference.bodies.motion import rotations
-from consilience.reference.formulations.null_space import solve_reduced
+from consilience.reference.formulations.null_space import selected_rows, solve_reduced
 from consilience.reference.kernel.compiled import allocating
 from consilience.reference.kernel.factorisation import least_norm, pivoted_qr
 
@@ -47,13 +47,14 @@ def complement(B: Array, tau: Array, rank: int) -> Array:
 def basis(ws: Workspace) -> tuple[Array, Array]:
     """Return a null-space basis J, shape (6 n_b, freedom), and the least-norm solution abar of ``Q abar = gamma``.
 
-    The rank is at most ``ws.limit``. Overwrites ``ws.B``.
+    The rank is at most ``ws.limit``.
     """
-    ws.B[:, :] = ws.Q.T
-    rank = pivoted_qr(ws.B, ws.tau, ws.pivot, ws.norms, 0.0, ws.limit[0])
-    abar = np.empty(ws.Q.shape[1])
-    least_norm(ws.B, ws.tau, ws.pivot, rank, ws.gamma, abar)
-    return complement(ws.B, ws.tau, rank), abar
+    Q, gamma = selected_rows(ws)
+    B, abar = Q.T.copy(), np.empty(Q.shape[1])
+    order = np.empty(Q.shape[0], dtype=np.int64)
+    rank = pivoted_qr(B, ws.tau, order, ws.norms, 0.0, ws.limit[0])
+    least_norm(B, ws.tau, order, rank, gamma, abar)
+    return complement(B, ws.tau, rank), abar
 
 
 @allocating

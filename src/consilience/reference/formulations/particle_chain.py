@@ -58,6 +58,9 @@ FREE_MOMENTS: dict[frozenset[str], tuple[int, ...]] = {
 }
 """Vectors about which a joint with these D rows transmits no moment."""
 
+_ROUNDING = 1e-13
+"""Size of a row, over the largest one, below which no motion can violate it: a joint on the axes of two bearings."""
+
 _DISTANCES = ((0, 1), (0, 2), (1, 2))  # of particles 1, 2, 4 [ATTIA (4.1)-(4.3)]
 
 
@@ -326,7 +329,7 @@ def constraint_rows(model: ChainModel, m: ChainMotion) -> ChainConstraints:
     rows[:, -1] += 2 * np.sum(Ds[:, :, -2] * Dt[:, :, -2], axis=1)
     value = np.sum(s * t, axis=1) - np.concatenate([model.distance_target, model.target])
     size = np.hypot(_length(t) * _size(Ds), _length(s) * _size(Dt))
-    size[size == 0.0] = 1.0  # neither vector can move
+    size[size <= _ROUNDING * np.max(size, initial=0.0)] = 1.0  # neither vector can move, but for rounding
     return ChainConstraints(value / size, rows / size[:, None])
 
 

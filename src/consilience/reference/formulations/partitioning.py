@@ -24,7 +24,7 @@ from consilience.mechanism import RANK_TOLERANCE, Array
 from consilience.reference.bodies import constraints, forces
 from consilience.reference.bodies.arrays import Model, Workspace
 from consilience.reference.bodies.motion import rotations
-from consilience.reference.formulations.null_space import solve_reduced
+from consilience.reference.formulations.null_space import selected_rows, solve_reduced
 from consilience.reference.kernel.compiled import allocating, inner, kernel
 
 
@@ -133,5 +133,6 @@ def accelerations(model: Model, t: float, y: Array, turns: Array, ws: Workspace,
     rotations(y, ws.A)
     forces.evaluate(model, t, y, turns, ws)
     constraints.evaluate(model, t, y, turns, ws)
-    J, abar = basis(ws.Q, ws.gamma, ws.limit[0])
+    Q, gamma = selected_rows(ws)
+    J, abar = basis(Q, gamma, ws.limit[0])
     return solve_reduced(model, ws.f, J, abar, a)

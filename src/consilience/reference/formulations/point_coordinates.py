@@ -29,6 +29,9 @@ determines x'' for any rank; dependent rows of Q are consistent, and least squar
 gives the multipliers of least norm. ``Q M^-1 Q^T``, whose condition number is a square, is not formed. Reactions of
 tree joints follow from all six momentum equations of the outboard bodies [ATTIA, equation for N_P after (17)].
 
+Off the manifold, in the stages of a step, dependent rows look independent. Ranks follow there from the freedom f that
+the last projection found: n_x - f of Q, and d - f of C for d momentum equations.
+
 A rod is a cut joint, since its free directions are not axes of F or M; a body on rods alone is a floating body.
 """
 
@@ -53,6 +56,7 @@ from consilience.reference.bodies.arrays import P, R, W, pack
 from consilience.reference.formulations.body_terms import BodyTerms, Terms
 from consilience.reference.formulations.particle_chain import (
     VECTORS,
+    ChainConstraints,
     ChainMotion,
     chain_model,
     combine,
@@ -99,6 +103,11 @@ class PointCoordinates:
     Coordinates u: positions (n_x) and velocities (n_x) of the particles that are not shared, turns (n_c), the joint
     coordinates that elements read, and the integrals of controllers, initially zero.
 
+    Attributes
+    ----------
+    chart : int
+        Freedom of the coordinates; `coordinates` and `settle` change it.
+
     Raises
     ------
     InvalidInput
@@ -113,6 +122,7 @@ class PointCoordinates:
         self.mechanism = mechanism
         self.model = chain_model(mechanism)
         self._terms = BodyTerms(mechanism)
+        self.chart = self.model.size
 
     # ---------------------------------------------------------------- coordinates
 
@@ -127,7 +137,9 @@ class PointCoordinates:
         own = [(b, n) for b in self.model.order for n in range(self.model.shared[b], 3)]
         pick = tuple(np.array(own, dtype=np.int64).reshape(-1, 2).T)
         turns = self._turns(state, np.zeros(self._terms.turns))
-        return np.concatenate([r[pick].ravel(), v[pick].ravel(), turns, np.zeros(self._terms.integrals)])
+        x, rate = r[pick].ravel(), v[pick].ravel()
+        self.chart = self._freedom(constraint_rows(self.model, motion(self.model, x, rate)))
+        return np.concatenate([x, rate, turns, np.zeros(self._terms.integrals)])
 
     def state(self, u: Array) -> State:
         """Return the canonical state of u: poses from the triads of particles 1, 2, 4."""
@@ -153,12 +165,13 @@ class PointCoordinates:
         if n_x:
             for _ in range(_NEWTON_STEPS):
                 rows = constraint_rows(self.model, motion(self.model, x, rate))
-                step = _least_norm(rows.D[:, :n_x], rows.value)
+                step = _least_norm(rows.D[:, :n_x], rows.value, n_x - self.chart)
                 x -= step
                 if np.max(np.abs(step)) < 1e-10 * max(1.0, float(np.max(np.abs(x)))):
                     break  # quadratic convergence: the next step is below rounding
             rows = constraint_rows(self.model, motion(self.model, x, rate))
-            rate -= _least_norm(rows.D[:, :n_x], rows.D[:, n_x])
+            self.chart = self._freedom(rows)
+            rate -= _least_norm(rows.D[:, :n_x], rows.D[:, n_x], n_x - self.chart)
         settled = np.concatenate([x, rate, extra])
         turns = slice(2 * n_x, 2 * n_x + self._terms.turns)
         settled[turns] = self._turns(self.state(settled), u[turns])
@@ -219,11 +232,16 @@ class PointCoordinates:
         balance = np.tensordot(model.outboard, balance, 1)
         system = self._project(m, balance)
         A, C, b = system[:, :n_x], -system[:, n_x:-1], -system[:, -1]
-        Z, lam_of = _split(C)
+        Z, lam_of = _split(C, len(C) - self.chart)
         xdd = _least_squares(np.vstack([Z.T @ A, rows.D[:, :n_x]]), np.concatenate([Z.T @ b, -rows.D[:, -1]]))
         lam = lam_of @ (A @ xdd - b)
         chain = balance @ np.concatenate([xdd, lam, [1.0]])
         return _PointSolution(m, xdd, lam[:, None, None] * on_joints, chain)
+
+    def _freedom(self, rows: ChainConstraints) -> int:
+        """Return the freedom of the coordinates, from the rank of consistent rows."""
+        n_x = self.model.size
+        return n_x - _rank(np.linalg.svd(rows.D[:, :n_x], compute_uv=False), n_x)
 
     def _momentum_rates(self, m: ChainMotion) -> Array:
         """Return the D array of linear and angular momentum about the world origin, (n_b, 6, n_x + 2) [ATTIA (5)-(8)].
@@ -289,13 +307,21 @@ def _least_squares(rows: Array, values: Array) -> Array:
     return lstsq(rows, values, lapack_driver="gelsy", check_finite=False)[0]
 
 
-def _least_norm(rows: Array, values: Array) -> Array:
-    """Return the solution of least norm; rows may be dependent."""
-    return lstsq(rows, values, cond=RANK_TOLERANCE, lapack_driver="gelsy", check_finite=False)[0]
+def _rank(singular_values: Array, limit: int) -> int:
+    """Return the numerical rank, at most `limit`."""
+    return min(limit, int(np.sum(singular_values > RANK_TOLERANCE * np.max(singular_values, initial=0.0))))
 
 
-def _split(C: Array) -> tuple[Array, Array]:
+def _least_norm(rows: Array, values: Array, rank: int) -> Array:
+    """Return the solution of least norm of rows of a rank."""
+    U, s, Vt = np.linalg.svd(rows, full_matrices=False)
+    r = _rank(s, rank)
+    solution: Array = Vt[:r].T @ (U[:, :r].T @ values / s[:r])
+    return solution
+
+
+def _split(C: Array, rank: int) -> tuple[Array, Array]:
     """Return a basis Z of the complement of the columns of C, (d, d - r), and the pseudoinverse of C, (n_c, d)."""
     U, s, Vt = np.linalg.svd(C)
-    r = int(np.sum(s > RANK_TOLERANCE * np.max(s, initial=0.0)))
+    r = _rank(s, rank)
     return U[:, r:], Vt[:r].T @ (U[:, :r] / s[:r]).T
