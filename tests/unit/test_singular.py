@@ -112,6 +112,21 @@ def test_an_instant_at_a_singular_pose_is_unresolved_whatever_is_answered():
         assert "mobility 2 at the pose, 1 on each of two branches" in found.why
 
 
+def test_an_instant_at_a_singular_pose_is_unresolved_where_the_reference_has_no_answer():
+    """Velocities that lead along no branch have no accelerations: that is no failure of the reference."""
+    case = case_of(FOLDED_RHOMBUS)
+    truth = accelerations(case.mechanism, case.states)
+    failed = Run("c", REFERENCE, Question.INSTANT, METHOD, 0, None, Status.FAILED, reason="no accelerations")
+    answered = Run("c", "e", Question.INSTANT, METHOD, 0, None, Status.ANSWERED, truth)
+    died = replace(failed, engine="d")
+    found = {c.engine: c for c in judge_case(case, [failed, answered, died])}
+    assert {found[name].rule for name in (REFERENCE, "e")} == {"singular pose"}
+    assert {found[name].verdict for name in (REFERENCE, "e")} == {Verdict.UNRESOLVED}
+    assert found["d"].verdict is Verdict.FAILED
+    regular = case_of(four_bar_of([(0.0, 0.0), (0.1, 0.3), (0.6, 0.3), (0.5, 0.0)]))
+    assert judge_case(regular, [failed])[0].verdict is Verdict.FAILED
+
+
 def test_a_motion_through_a_change_point_is_judged_up_to_it():
     """Another branch behind the change point is no error; a difference before it is one."""
     angles = np.array([-0.25, -0.15, -0.05, 0.05, 0.15])

@@ -13,13 +13,13 @@ import numpy as np
 
 from consilience.case import Case
 from consilience.compare.instant import Instants, compare_instant, compare_model, instants_at
-from consilience.compare.judge import REFERENCE, reference_motion_of
+from consilience.compare.judge import REFERENCE, at_singular_pose, reference_motion_of
 from consilience.compare.power_of_bars import at_first_states, instants_at_first_states, with_power
 from consilience.compare.published import dispute, start_against_published
 from consilience.compare.result import Comparison, Quantity, Verdict
 from consilience.compare.trajectory import compare_trajectory
 from consilience.engine import Method, ModelAnswer, Profile, Question, Run
-from consilience.mechanism import State, characteristic_length, first_singular, is_singular, singular_pose
+from consilience.mechanism import State, characteristic_length, first_singular, is_singular
 
 
 class QuestionJudge:
@@ -108,12 +108,9 @@ class InstantJudge(QuestionJudge):
             compared = compare_instant(case.name, run.engine, method, answer, reference, instants)
             if compared.verdict is Verdict.MODEL:
                 return compared
-        n = next(n for n in range(len(case.states)) if n not in self.regular)
-        why = (
-            f"state {n} is at a singular pose ({singular_pose(case.mechanism, case.states[n])}): accelerations are open"
-        )
         return Comparison(
-            *(case.name, run.engine, Question.INSTANT, method.name, method.route, Verdict.UNRESOLVED, why),
+            *(case.name, run.engine, Question.INSTANT, method.name, method.route, Verdict.UNRESOLVED),
+            why=at_singular_pose(case),
             rule="singular pose",
             profile=method.profile,
         )
