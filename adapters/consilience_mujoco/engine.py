@@ -28,7 +28,7 @@ from consilience.engine import (
     suited_rods,
     without_screws,
 )
-from consilience.mechanism import Array, Mechanism, State, Tree, continuous_in_time, to_elementary_tree
+from consilience.mechanism import NO_LENGTH, Array, Mechanism, State, Tree, continuous_in_time, to_elementary_tree
 from consilience_mujoco.callback import answering
 from consilience_mujoco.charts import advance
 from consilience_mujoco.contact_instant import ContactInstant
@@ -52,6 +52,7 @@ from consilience_mujoco.rows import count_rows
 from consilience_mujoco.states import poses_and_velocities, set_state
 from consilience_mujoco.translate import (
     Translation,
+    drawn_length,
     principal_inertia,
     slides_behind_balls,
     springs_cancel,
@@ -115,6 +116,14 @@ class MujocoEngine:
         ]
         if question is Question.MODEL:
             return (*tendons, *joints)
+        dampers = [
+            Unsupported(
+                f"spring '{s.name}': a damper whose ends coincide in the drawing",
+                "a tendon of no length takes the x axis of the world for its direction, not that of the velocity",
+            )
+            for s in mechanism.springs
+            if s.damping != 0.0 and drawn_length(mechanism, s) <= NO_LENGTH
+        ]
         derivatives = [
             Unsupported(
                 f"loop over the {mechanism.joints[k].kind} joint '{mechanism.joints[k].name}', from its point on",
@@ -122,7 +131,7 @@ class MujocoEngine:
             )
             for k in slides_behind_balls(self._tree(mechanism))
         ]
-        return (*tendons, *joints, *derivatives)
+        return (*tendons, *dampers, *joints, *derivatives)
 
     def methods(self, mechanism: Mechanism, question: Question) -> tuple[Method, ...]:
         """Return the methods that answer the question, the headline method first."""

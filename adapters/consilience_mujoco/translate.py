@@ -23,7 +23,10 @@ from consilience.mechanism import (
     JointSpring,
     Link,
     Mechanism,
+    Spring,
     Tree,
+    body_point,
+    drawing_state,
     quaternion_from_rotation,
     quaternion_product,
     to_elementary_tree,
@@ -219,6 +222,14 @@ def springs_on(mechanism: Mechanism, link: Link) -> list[JointSpring]:
         for s in (*mechanism.joint_springs, *viscous)
         if s.joint == name and ELEMENTARY[s.coordinate] == link.elementary
     ]
+
+
+def drawn_length(mechanism: Mechanism, spring: Spring) -> float:
+    """Return the distance of the ends of a spring in the drawing, m."""
+    drawn = drawing_state(mechanism)
+    ends = ((spring.predecessor, spring.point_predecessor), (spring.successor, spring.point_successor))
+    (start, _), (end, _) = (body_point(mechanism, drawn, body, point) for body, point in ends)
+    return float(np.linalg.norm(end - start))
 
 
 def springs_cancel(springs: list[JointSpring]) -> bool:

@@ -377,7 +377,14 @@ def test_euler_takes_damping_explicitly(mujoco_engine):
 def test_what_cannot_be_represented_is_said(mujoco_engine):
     spring = Spring("s", GROUND, "crank", np.ones(3), np.zeros(3), 1.0, 0.0, -0.1)
     pair = tuple(JointSpring(f"k{k}", "j0", "angle", k, 0.0, 0.3 * k) for k in (5.0, -5.0))
-    for elements, word in (({"springs": (spring,)}, "tendon"), ({"joint_springs": pair}, "stiffness")):
+    mechanism = four_bar()
+    pin = mechanism.bodies[0].drawing
+    damper = Spring("d", GROUND, mechanism.bodies[0].name, pin.p, np.zeros(3), 0.0, 2.0, 0.0)
+    for elements, word in (
+        ({"springs": (spring,)}, "no negative rest length"),
+        ({"springs": (damper,)}, "a tendon of no length"),
+        ({"joint_springs": pair}, "stiffness"),
+    ):
         mechanism = replace(four_bar(), **elements)
         (found,) = mujoco_engine.unsupported(mechanism, Question.INSTANT)
         assert word in found.reason

@@ -61,6 +61,7 @@ from consilience.mechanism.element_rows import (
 )
 from consilience.mechanism.elementary_tree import Coordinate, Link, Tree, coordinates, to_elementary_tree
 from consilience.mechanism.elements import (
+    NO_LENGTH,
     Control,
     Coupling,
     Drive,
@@ -128,6 +129,7 @@ __all__ = [
     "BASIC_CONSTRAINTS",
     "GROUND",
     "JOINT_KINDS",
+    "NO_LENGTH",
     "RANK_TOLERANCE",
     "TOUCHING",
     "Angles",
