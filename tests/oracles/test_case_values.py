@@ -8,7 +8,6 @@ from consilience.compare.instant import Instants
 from consilience.compare.motion import Scales
 from consilience.compare.published import against_published, start_against_published
 from consilience.engine import Question, load_engine
-from consilience.reference import accelerations, contact
 from oracles.origins import all_origins
 
 CASES = {case.name: case for case in shipped_cases()}
@@ -48,22 +47,25 @@ def test_origins_give_the_values_within_their_uncertainty(name):
             assert known.off(float(value)) <= known.uncertainty, (n, known.name, known.value, float(value))
 
 
-LASTING = hasattr(contact, "simulate_with_contacts")
-"""Whether the reference has contacts that last, stops and dry friction."""
+PENDING = {
+    **dict.fromkeys(("ball_on_spring",), "compliance"),
+    **dict.fromkeys(("bead_on_turning_rod-outward", "bead_on_turning_rod-inward"), "dry friction of a reaction"),
+    **dict.fromkeys(("belt_catch", "belt_stick_slip", "bouncing_table"), "contact on a driven plane"),
+}
+"""Cases that the reference does not solve yet, with what they need; none is in a comparison before."""
 
 
-@pytest.mark.parametrize("name", [name for name, case in CASES.items() if LASTING or case.group != "contact"])
+@pytest.mark.parametrize("name", [name for name in CASES if name not in PENDING])
 def test_the_reference_meets_the_values(name):
     case = CASES[name]
-    mechanism, start = case.mechanism, case.initial_state
+    mechanism, start, engine = case.mechanism, case.initial_state, load_engine("reference")
     found = []
     if any(known.at_start for known in case.published):
-        answer = accelerations(mechanism, [start])
+        answer = engine.instant(mechanism, [start], engine.methods(mechanism, Question.INSTANT)[0])
         found += start_against_published(mechanism, case.published, answer, Instants.of(mechanism, [start]))
     if any(not known.at_start for known in case.published):
         last = max(known.time for known in case.published)
         times = case.times[: round(last / case.sample) + 1]
-        engine = load_engine("reference")
         method = engine.methods(mechanism, Question.TRAJECTORY)[0]
         motion = engine.trajectory(mechanism, start, times, method, 1e-13)
         assert Scales.of(mechanism, motion).size > 0

@@ -13,7 +13,7 @@ from matplotlib.image import imread
 from consilience.case import Case, load_cases
 from consilience.case.families import family_cases
 from consilience.errors import InvalidInput
-from consilience.mechanism import Initial, Rolling, Skate, centres_of_mass
+from consilience.mechanism import Initial, Rolling, Skate, body_point, centres_of_mass
 from consilience.report.figure3d import figure_of, upright, widest_view
 from consilience.report.picture import as_png, picture, views
 from consilience.report.summary import describe_case
@@ -52,11 +52,34 @@ def test_contacts_have_a_line_and_their_spheres_are_drawn():
         f"contact {contact.name}: {contact.body} on {contact.partner}, sphere on plane, restitution "
         in describe_case(case)
     )
-    circles = [line.points for line in figure_of(case.mechanism, case.initial_state).lines if line.kind == "circle"]
+    lines = figure_of(case.mechanism, case.initial_state).lines
+    circles = [line.points for line in lines if line.kind == "circle"]
     assert len(circles) == 3
     for points in circles:
         away = np.linalg.norm(points - case.initial_state.p_WB[0], axis=1)
         assert away == pytest.approx(np.full(len(points), contact.radius), abs=np.linalg.norm(contact.center) + 1e-12)
+
+
+def test_planes_and_boxes_of_contacts_are_drawn_once_each():
+    (case,) = load_cases("pulled_boxes")
+    m, start = case.mechanism, case.initial_state
+    lines = figure_of(m, start).lines
+    planes = [line for line in lines if line.kind == "plane"]
+    assert [line.body for line in planes] == [-1, m.body_index["lower"]]
+    for contact, plane in zip(m.contacts, planes, strict=True):
+        _, R = body_place(m, start, contact.partner)
+        heights = (plane.points - body_point(m, start, contact.partner, contact.point)[0]) @ R @ contact.normal
+        assert heights == pytest.approx(np.zeros(5), abs=1e-12)
+    edges = [line.points for line in lines if line.kind == "edge"]
+    lengths = sorted(np.linalg.norm(e[1] - e[0]) for e in edges)
+    assert lengths == pytest.approx(sorted([*[1.0] * 4, *[0.6] * 4, *[0.2] * 16]))
+
+
+def body_place(mechanism, state, body):
+    if body == "ground":
+        return np.zeros(3), np.eye(3)
+    i = mechanism.body_index[body]
+    return state.p_WB[i], state.R_WB[i]
 
 
 @pytest.mark.parametrize("element", [Rolling("r", "ground", [0, 0, 0], [1, 0, 0], 1.0, [0, 0, 0], [0, 0, 1])])

@@ -13,14 +13,15 @@ from consilience.mechanism import (
     GROUND,
     Array,
     Mechanism,
+    PointPlane,
     State,
     body_point,
     centres_of_mass,
-    elementary_contacts,
     joint_frames,
     rotation_from_quaternion,
     rotation_with_z_axis,
 )
+from consilience.report.contact_figure import circle, contact_lines
 
 BODY_MARKS = string.digits[1:] + string.ascii_lowercase
 JOINT_MARKS = string.ascii_uppercase
@@ -39,8 +40,8 @@ class Polyline:
     ----------
     body : int
         Index of the body that carries the line; -1 for a line between two bodies.
-    kind : {"body", "rod", "spring", "circle", "way"}
-        ``way``: from frame F to frame M of a joint.
+    kind : {"body", "rod", "spring", "circle", "way", "edge", "plane"}
+        ``way``: from frame F to frame M of a joint; ``edge`` and ``plane``: of shapes of contacts.
     points : ndarray, shape (n, 3), m
         World axes.
     ends : tuple of int or None
@@ -119,12 +120,13 @@ def figure_of(mechanism: Mechanism, state: State) -> Figure3D:
         for i, body in enumerate(mechanism.bodies)
     ]
     lines = []
-    spheres = [part for part in elementary_contacts(mechanism) if part.radius]
-    round_ones = {r.body for r in mechanism.rollings} | {c.body for c in spheres}
+    shaped = {r.body for r in mechanism.rollings} | {
+        c.body for c in mechanism.contacts if not isinstance(c, PointPlane)
+    }
     for i, body in enumerate(mechanism.bodies):
         own = list(_skeleton(ends[body.name] or [state.p_WB[i]], centers[i]))
         lines += [Polyline(i, "body", line) for line in own]
-        if not own and body.name not in round_ones:
+        if not own and body.name not in shaped:
             lines += _disc(mechanism, state, i, centers[i])
     return Figure3D((*lines, *_other_lines(mechanism, state)), tuple(joints), tuple(bodies), mechanism.gravity)
 
@@ -199,11 +201,11 @@ def _disc(mechanism: Mechanism, state: State, body: int, center: Array) -> Itera
     moments, axes = np.linalg.eigh(own.inertia)
     if moments[-1] > 0.0:
         across = rotation_from_quaternion(state.quat_WB[body]) @ axes
-        yield Polyline(body, "circle", _circle(center, across, float(np.sqrt(moments[-1] / own.mass))))
+        yield Polyline(body, "circle", circle(center, across, float(np.sqrt(moments[-1] / own.mass))))
 
 
 def _other_lines(mechanism: Mechanism, state: State) -> Iterator[Polyline]:
-    """List the connections whose ends differ by more than rounding, rolling circles, and spheres with contacts."""
+    """List the connections whose ends differ by more than rounding, rolling circles, and shapes of contacts."""
     for line in connections(mechanism, state):
         if line.kind == "spring" or np.linalg.norm(line.points[0] - line.points[1]) > 1e-9:
             yield line
@@ -212,20 +214,10 @@ def _other_lines(mechanism: Mechanism, state: State) -> Iterator[Polyline]:
         R = rotation_from_quaternion(state.quat_WB[i])
         across = R @ rotation_with_z_axis(r.axis)
         center = body_point(mechanism, state, r.body, r.center)[0]
-        yield Polyline(i, "circle", _circle(center, across, r.radius + r.rounding))
-    for c in elementary_contacts(mechanism):
-        if c.radius and c.body != GROUND:
-            center = body_point(mechanism, state, c.body, c.center)[0]
-            for k in range(3):  # three great circles
-                axes = np.roll(np.eye(3), k, axis=1)
-                yield Polyline(mechanism.body_index[c.body], "circle", _circle(center, axes, c.radius))
-
-
-def _circle(center: Array, axes: Array, radius: float) -> Array:
-    """Return points of a circle normal to the third column of `axes`, shape (49, 3), m."""
-    turns = np.linspace(0.0, 2 * np.pi, 49)
-    arms = np.outer(np.cos(turns), axes[:, 0]) + np.outer(np.sin(turns), axes[:, 1])
-    return np.asarray(center + radius * arms)
+        yield Polyline(i, "circle", circle(center, across, r.radius + r.rounding))
+    for name, kind, points in contact_lines(mechanism, state):
+        placed = np.array([body_point(mechanism, state, name, point)[0] for point in points])
+        yield Polyline(index_of(mechanism, name), kind, placed)
 
 
 def upright(gravity: Array) -> tuple[Array, Array, Array]:
