@@ -2,6 +2,7 @@
 
 import logging
 import re
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -36,20 +37,35 @@ def cases():
     return [small_case("first", "revolute", "spherical", seed=71), small_case("second", "revolute", seed=72)]
 
 
-@pytest.fixture
-def performed(monkeypatch):
-    """Jobs that a worker was given, in order, and their outcomes."""
+@contextmanager
+def counted():
+    """Jobs that a worker is given, in order, and their outcomes."""
     jobs = []
     perform = EngineCase._perform
 
-    def counted(self, run, request):
+    def noted(self, run, request):
         done = perform(self, run, request)
         what = (run.question, run.method.name, run.level, run.method.softness, run.step)
         jobs.append((run.engine, run.case, *what, replayable_job(run.engine, request), done.status))
         return done
 
-    monkeypatch.setattr(EngineCase, "_perform", counted)
-    return jobs
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(EngineCase, "_perform", noted)
+        yield jobs
+
+
+@pytest.fixture
+def performed():
+    with counted() as jobs:
+        yield jobs
+
+
+@pytest.fixture(scope="module")
+def whole(cases, tmp_path_factory, answers_kept):
+    """Results of a suite, the number of its jobs, and the folder of its store."""
+    folder = tmp_path_factory.mktemp("whole")
+    with counted() as jobs:
+        return run_suite(cases, ["honest"], store=Store(folder)), len(jobs), folder
 
 
 def told(results):
@@ -57,19 +73,17 @@ def told(results):
     return [repr(run) for run in results.runs], [repr(c) for c in results.comparisons]
 
 
-def test_a_second_run_asks_nothing_and_says_the_same(cases, tmp_path, performed):
-    first = run_suite(cases, ["honest"], store=Store(tmp_path))
-    asked = len(performed)
+def test_a_second_run_asks_nothing_and_says_the_same(cases, whole, performed):
+    first, asked, folder = whole
     assert asked > 20
-    again = run_suite(cases, ["honest"], store=Store(tmp_path))
-    assert len(performed) == asked
+    again = run_suite(cases, ["honest"], store=Store(folder))
+    assert performed == []
     with np.printoptions(floatmode="unique", threshold=10**6):
         assert told(again) == told(first)
 
 
-def test_a_run_that_is_interrupted_goes_on_where_it_was(cases, tmp_path, performed):
-    whole = run_suite(cases, ["honest"], store=Store(tmp_path / "whole"))
-    expected, performed[:] = len(performed), []
+def test_a_run_that_is_interrupted_goes_on_where_it_was(cases, whole, tmp_path, performed):
+    uncut, expected, _ = whole
 
     def interrupt(engine, case):
         raise KeyboardInterrupt
@@ -81,7 +95,7 @@ def test_a_run_that_is_interrupted_goes_on_where_it_was(cases, tmp_path, perform
     resumed = run_suite(cases, ["honest"], store=Store(tmp_path / "cut"))
     # displaced motions share name, level and step, and differ only in their initial state
     assert len(performed) - before <= expected - answered + 1
-    for found, told_whole in zip(resumed.runs, whole.runs, strict=True):
+    for found, told_whole in zip(resumed.runs, uncut.runs, strict=True):
         assert (found.engine, found.case, found.status) == (told_whole.engine, told_whole.case, Status.ANSWERED)
         for name, value in vars(told_whole.answer).items():
             if isinstance(value, np.ndarray):
@@ -143,10 +157,9 @@ def test_a_key_holds_the_sources_of_the_adapter_however_the_engine_writes_its_na
     assert "consilience_mujoco" in digested
 
 
-def test_what_is_kept_comes_back_bit_by_bit(cases, tmp_path):
-    results = run_suite(cases[:1], ["honest"])
+def test_what_is_kept_comes_back_bit_by_bit(whole, tmp_path):
     store = Store(tmp_path)
-    for n, run in enumerate(results.runs):
+    for n, run in enumerate(whole[0].runs):
         assert isinstance(run, Run)
         store.keep(str(n), StoredAnswer(run.answer, run.cpu, run.log))
         found = store.find(str(n))
