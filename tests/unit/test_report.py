@@ -4,11 +4,13 @@ import base64
 import gzip
 import json
 import re
+import tempfile
 from dataclasses import replace
 from html.parser import HTMLParser
 
 import plotly.graph_objects as go
 import pytest
+from jinja2 import Environment
 
 from consilience.case import load_case
 from consilience.compare import Comparison, Verdict
@@ -25,6 +27,7 @@ from consilience.report.record import Record, exit_code, lines
 from consilience.report.recordschema import FORMAT
 from consilience.report.selection import levels_of, method_of, probes_of
 from consilience.report.summary import legend, matrix
+from consilience.report.templating import template_environment
 from consilience.report.view import page
 from consilience.suite import Results
 
@@ -902,3 +905,18 @@ def test_a_quick_run_says_nothing_about_defaults_that_engines_have(everything):
     quick = page(replace(everything, header=everything.header | {"quick": True})).defaults
     assert quick.without == ()
     assert quick.empty == "No engine was asked at its own defaults. A quick run leaves them out."
+
+
+def test_templates_are_compiled_once_for_all_processes_and_for_each_choice_of_options(monkeypatch, tmp_path):
+    """Each call makes an environment as another process would."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    fresh = template_environment.__wrapped__
+    for options in ({"autoescape": True}, {"autoescape": False}, {"autoescape": False, "finalize": str}):
+        with monkeypatch.context() as patch:
+            patch.setattr(Environment, "compile", None)
+            with pytest.raises(TypeError):
+                fresh(**options).get_template("picture.svg.j2")
+        fresh(**options).get_template("picture.svg.j2")
+        with monkeypatch.context() as patch:
+            patch.setattr(Environment, "compile", None)
+            assert fresh(**options).get_template("picture.svg.j2").name == "picture.svg.j2"

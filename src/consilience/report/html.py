@@ -43,7 +43,7 @@ OF_CASE_IN_CELL = ("steps", "work", "reactions", "drift")
 
 def packed(text: str) -> Markup:
     """Compress text for a script element that the page unpacks; base64 cannot end the element."""
-    return Markup(b64encode(gzip.compress(text.encode(), mtime=0)).decode())
+    return Markup(b64encode(gzip.compress(text.encode(), compresslevel=6, mtime=0)).decode())
 
 
 def shown(value: object) -> object:
