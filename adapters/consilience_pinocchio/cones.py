@@ -21,17 +21,17 @@ from consilience.mechanism import Array
 TOLERANCE = 1e-13
 """Tolerances of the solver, relative to the data and absolute in m/s^2 and N; the defaults are 1e-6."""
 
-FEW_ITERATIONS, MOST_ITERATIONS = 300, 20000
+FEW_ITERATIONS, MOST_ITERATIONS = 300, 5000
 
-ROUNDING = 1e-11
+ENOUGH, ENOUGH_AT_INSTANT = 1e-9, 1e-11
 """Residual relative to the data at which few iterations are enough: dependent rows do not get to the tolerance."""
 
-ACCEPTED = 1e-8
+ACCEPTED = 1e-7
 """Largest residual of an answer, relative to the data."""
 
 SETTINGS: dict[str, Any] = {
     "tolerances": TOLERANCE,
-    "max_iterations": f"{FEW_ITERATIONS}, {MOST_ITERATIONS} above a residual of {ROUNDING:g}",
+    "max_iterations": f"{FEW_ITERATIONS}, {MOST_ITERATIONS} where the residual is large",
     "admm_update_rule": "SPECTRAL",
     "solve_ncp": True,
 }
@@ -91,9 +91,17 @@ class ConeSolver:
     ----------
     associated : bool
         Leave out de Saxce's term: the convex cone, which sliding lifts.
+
+    Attributes
+    ----------
+    enough : float
+        Residual relative to the data at which few iterations are enough.
+    iterations : int
+        Sum over all solutions.
     """
 
     def __init__(self, associated: bool = False) -> None:
+        self.enough = ENOUGH
         self._sets: tuple[ForceSet, ...] | None = None
         self._settings = pin.ADMMSolverSettings()
         self._settings.admm_update_rule = pin.ADMMUpdateRule.SPECTRAL
@@ -137,7 +145,7 @@ class ConeSolver:
             met = solver.solve(operator, y, self._models, self._data, self._settings, result)
             self.iterations += int(result.iterations)
             worst = max(result.primal_feasibility, result.dual_feasibility, result.complementarity)
-            if met or worst <= ROUNDING * scale:
+            if met or worst <= self.enough * scale:
                 break
         if not met and not worst <= ACCEPTED * scale:
             raise ArithmeticError(f"ADMMConstraintSolver stops at a residual of {worst:.1e}, data of {scale:.1e}")

@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from consilience.mechanism import Array, contact_parts
+from consilience_pinocchio.cones import ENOUGH_AT_INSTANT
 from consilience_pinocchio.dynamics import Solution, articulated_body, collected, multiplier_wrenches
 from consilience_pinocchio.elements import Elements
 from consilience_pinocchio.touching import Nearest, Touch
@@ -25,7 +26,9 @@ CLOSED = 1e-9
 FAST = 30.0
 """Acceleration that stands for a slip over a short step, relative to the largest other one."""
 
-UNCHANGED = 1e-14
+UNCHANGED, NOISE = 1e-14, 1e-9
+"""Change of these accelerations, relative to `FAST` ones, at which they are the last, at once or if it grows again."""
+
 MOST_SOLUTIONS = 40
 
 
@@ -81,6 +84,7 @@ def _solve(unilateral: Unilateral, q: Array, v: Array, a: Array) -> Pressed:
         It does not get there.
     """
     slide, across = FAST * max(1.0, float(np.max(np.abs(a), initial=0.0))), dict[int, Array]()
+    unilateral.solver.enough, last = ENOUGH_AT_INSTANT, np.inf
     for _ in range(MOST_SOLUTIONS):
         found = unilateral.press(_Instant(q, v, a, 0.0, 1.0, slide, across))
         rates = unilateral.dry_rates(v)
@@ -96,9 +100,11 @@ def _solve(unilateral: Unilateral, q: Array, v: Array, a: Array) -> Pressed:
             across[n] = rate - along * (along @ rate)
             change = max(change, float(np.max(np.abs(across[n] - before))))
         if slow:
-            slide *= 10.0
-        elif change <= UNCHANGED * slide:
+            slide, last = 10.0 * slide, np.inf
+        elif change <= UNCHANGED * slide or (change >= last and change <= NOISE * slide):
             return found
+        else:
+            last = change
     raise ArithmeticError(f"friction does not settle along the slip: it changes by {change:.1e} m/s^2")
 
 

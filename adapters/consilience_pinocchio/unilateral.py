@@ -28,6 +28,9 @@ from consilience_pinocchio.translate import Translation
 
 RESTING = 2.0
 
+REACH = 2.0
+"""Motion of a gap in a step that is reckoned with, over what its rates and the largest acceleration give."""
+
 AT_REST = 1e-9
 """Slip, or rate of a coordinate, in m/s or rad/s up to which it is at rest."""
 
@@ -63,7 +66,9 @@ class Start:
         return np.asarray(self.v + self.h * self.a)
 
     def needed(self, gap: float, along: Array, restitution: float) -> float | None:
-        """Return what is added to the free rate of a gap, over h, in its condition; None if the gap stays open.
+        """Return what is added to the free rate of a gap, over h, in its condition; None if the gap is out of reach.
+
+        Other contacts press bodies together that would not approach without forces: what is near is in the solution.
 
         Parameters
         ----------
@@ -73,10 +78,10 @@ class Start:
         restitution : float
         """
         u, free = float(along @ self.v), float(along @ self.free)
-        impact = restitution > 0.0 and u < -RESTING * abs(free - u)
-        if gap + self.h * (0.5 * u if impact else free) > 0.0:
-            return None
-        return (restitution * u if impact else gap / self.h) / self.h
+        if restitution > 0.0 and u < -RESTING * abs(free - u):
+            return None if gap + 0.5 * self.h * u > 0.0 else restitution * u / self.h
+        reach = REACH * self.h * (abs(u) + abs(free) + self.h * float(np.max(np.abs(self.a))))
+        return None if gap > reach else gap / self.h**2
 
     def contact(self, number: int, touch: Touch, nearest: Nearest, needed: float) -> Array:
         """Return the accelerations in the rows of a contact without its forces, shape (3,)."""
