@@ -1,4 +1,6 @@
-"""Compiled assembly, and parameter sets that share arrays, against the method in NumPy and mechanisms of their own."""
+"""Compiled single states, and parameter sets that share arrays: as in NumPy, and as mechanisms of their own."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,11 +10,12 @@ from consilience.case import load_case
 from consilience.errors import CannotAssemble
 from consilience.mechanism import JOINT_KINDS, Frame, Initial, quaternion_from_rotation_vector
 from consilience.mechanism import rotation_from_quaternion as rotation
-from consilience.reference import initial_state, simulate
+from consilience.reference import accelerations, formulation, initial_state, simulate, solver
 from consilience.reference.analyses import with_parameter
 from consilience.reference.states import assembly
+from consilience.reference.states.instants import instants
 from consilience.reference.tree.parameter_sets import OtherStructure, ParameterSets
-from mechanisms import ELEMENTS, LOOPS, TREES
+from mechanisms import ELEMENTS, LOOPS, TREES, states_of
 
 ALL = TREES | LOOPS | ELEMENTS
 
@@ -64,6 +67,40 @@ def test_refusals_are_those_of_the_method_in_numpy(initial):
         initial_state(mechanism, initial)
     assert str(found.value) == str(expected.value)
     assert initial_state(mechanism).p_WB.shape == (3, 3), "the next answer does not know of it"
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_compiled_instants_are_those_of_the_formulation_state_by_state(name):
+    """Accelerations, reactions of least norm, and energies of NumPy; nothing is in doubt."""
+    mechanism, states = ALL[name], states_of(ALL[name], 3)
+    found, sound = instants(mechanism, states, 0.3)
+    assert sound.all()
+    equations = formulation("descriptor", mechanism)
+    for n, state in enumerate(states):
+        expected = [*equations.accelerations(state, 0.3), *equations.reactions(state, 0.3)]
+        for field, value in zip(("a_WB_W", "alpha_WB_W", "force_F", "torque_F"), expected, strict=True):
+            assert np.allclose(
+                getattr(found, field)[n], value, rtol=1e-9, atol=1e-9 * max(1.0, np.max(np.abs(value)))
+            ), field
+        assert found.kinetic[n] == pytest.approx(plain.kinetic_energy(mechanism, state), rel=1e-12)
+        assert found.potential[n] == pytest.approx(plain.potential_energy(mechanism, state), rel=1e-12, abs=1e-12)
+
+
+def test_a_state_in_doubt_is_left_to_the_formulation(monkeypatch):
+    """It alone, and its answer is that of the formulation."""
+    mechanism, states, asked = LOOPS["four_bar"], states_of(LOOPS["four_bar"], 3), []
+    expected, _ = instants(mechanism, states, 0.0)
+    own = solver._accelerations
+
+    def doubted(mechanism, states, t):
+        return replace(expected, a_WB_W=np.zeros_like(expected.a_WB_W)), np.array([True, False, True])
+
+    monkeypatch.setattr(solver, "instants", doubted)
+    monkeypatch.setattr(solver, "_accelerations", lambda m, s, *more: asked.append(s) or own(m, s, *more))
+    found = accelerations(mechanism, states)
+    assert asked == [[states[1]]]
+    assert np.allclose(found.a_WB_W[1], expected.a_WB_W[1], atol=1e-9)
+    assert not found.a_WB_W[0].any()
 
 
 CHANGES = {

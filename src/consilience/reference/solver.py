@@ -36,6 +36,7 @@ from consilience.reference.formulations import compiled_choice, compiled_dop853,
 from consilience.reference.formulations.body_velocities import AppliedForces, KernelFormulation, kernel_names
 from consilience.reference.integrators.step_control import STATUS
 from consilience.reference.kernel.mechanism_record import record_array
+from consilience.reference.states.instants import instants
 from consilience.reference.steppers.driver import counts_of
 from consilience.reference.tree.solver import INTEGRATORS, simulate_relative
 
@@ -283,6 +284,19 @@ def accelerations(
         singular pose velocities may lead along no motion.
     """
     require_states(mechanism, states)
+    if formulation != "descriptor" or not len(states):
+        return _accelerations(mechanism, states, formulation, t)
+    registry.refuse_contacts(mechanism)
+    found, sound = instants(mechanism, list(states), float(t))
+    for n in np.flatnonzero(~sound).tolist():
+        own = _accelerations(mechanism, [states[n]], formulation, t)
+        for name in ("a_WB_W", "alpha_WB_W", "force_F", "torque_F", "kinetic", "potential"):
+            getattr(found, name)[n] = getattr(own, name)[0]
+    return found
+
+
+def _accelerations(mechanism: Mechanism, states: Sequence[State], formulation: str, t: float) -> InstantAnswer:
+    """Compute the answers as `accelerations`, state by state."""
     equations = registry.formulation(formulation, mechanism)
     linear, angular, forces, torques = [], [], [], []
     for state in states:
