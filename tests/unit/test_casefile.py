@@ -95,6 +95,10 @@ INVALID = {
         ["body 'door': inertia", "0.3, 0.4, 0.8", "triangle inequality", "Ixy = -sum m x y"],
     ),
     "flat inertia": (changed("xx = 0.3", "xx = 0.0"), ["body 'door': inertia", "not all positive"]),
+    "inertia of a rod without thickness": (
+        changed("xx = 0.3, yy = 0.4, zz = 0.5, xy = 0.01", "xx = 1e-18, yy = 0.5, zz = 0.5"),
+        ["body 'door': inertia", "1e-18, 0.5, 0.5", "not all positive beyond rounding", "thickness"],
+    ),
     "quaternion of norm 2": (
         changed("[0.5, 0.5, 0.5, 0.5]", "[1, 1, 1, 1]"),
         ["body 'door'.orientation", "norm 2", "scalar first"],

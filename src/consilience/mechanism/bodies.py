@@ -72,6 +72,10 @@ class Body:
         check_inertia(self.inertia, f"{where}: inertia")
 
 
+ROUNDING_OF_MOMENTS = 1e-14
+"""Least principal moment over the largest: one below it may be rounding of the tensor, of either sign."""
+
+
 def check_inertia(inertia: Array, where: str) -> None:
     """Refuse an inertia tensor that no rigid body can have.
 
@@ -85,11 +89,11 @@ def check_inertia(inertia: Array, where: str) -> None:
         raise InvalidInput(where, "the tensor is not symmetric", "Give a symmetric 3 x 3 tensor.")
     principal = np.linalg.eigvalsh(inertia)
     text = ", ".join(f"{m:.6g}" for m in principal)
-    if principal[0] <= 0:
+    if principal[0] <= ROUNDING_OF_MOMENTS * principal[2]:
         raise InvalidInput(
             where,
-            f"principal moments {text} kg m^2 are not all positive",
-            "Give a three-dimensional body: all principal moments above zero.",
+            f"principal moments {text} kg m^2 are not all positive beyond rounding",
+            "Give a three-dimensional body: a rod has a thickness, and all principal moments are above zero.",
         )
     if principal[0] + principal[1] < principal[2] * (1 - 1e-12):
         raise InvalidInput(
