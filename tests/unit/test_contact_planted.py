@@ -5,10 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from consilience.errors import NumericalFailure
+from consilience.case import load_cases
+from consilience.engine import Question, load_engine
+from consilience.errors import InvalidInput, NumericalFailure
 from consilience.reference.contact.decision import decide
 from consilience.reference.contact.inclusion import residual
 from consilience.reference.contact.joint_friction import JointReaction, decide_with_reactions
+from consilience.reference.contact.layout import layout_of
 from consilience.reference.contact.problem import ContactProblem, FrictionSet
 
 
@@ -142,3 +145,20 @@ def test_dry_friction_of_a_reaction():
     locked = {0: JointReaction(np.array([3.0, 5.0]), np.array([[0.0], [-3.0]]))}
     with pytest.raises(NumericalFailure, match="dry: the joint locks itself"):
         decide_with_reactions(slides, locked, decide)
+
+
+@pytest.mark.parametrize(
+    ("name", "feature", "owner"),
+    [
+        ("ball_on_spring", "compliant contact", "contact 'floor'"),
+        ("bead_on_turning_rod", "dry friction of a reaction", "dry friction 'fit'"),
+    ],
+)
+def test_laws_without_equations_are_refused_by_name(name, feature, owner):
+    # a rigid contact in place of a soft one, or no friction in place of some, would be an answer to another question
+    mechanism = load_cases(name)[0].mechanism
+    engine = load_engine("reference")
+    assert [one.feature for one in engine.unsupported(mechanism, Question.TRAJECTORY)] == [feature]
+    assert engine.unsupported(mechanism, Question.MODEL) == ()
+    with pytest.raises(InvalidInput, match=owner):
+        layout_of(mechanism)

@@ -23,6 +23,7 @@ from consilience.engine import (
 from consilience.errors import NumericalFailure
 from consilience.mechanism import Array, Mechanism, State, free_directions, in_units, mass_properties, own_units
 from consilience.reference.contact import contact_instant, simulate_with_contacts
+from consilience.reference.contact.layout import NOT_COVERED
 from consilience.reference.formulations import registry
 from consilience.reference.solver import accelerations, refuse_steep_friction, simulate
 
@@ -89,10 +90,12 @@ class ReferenceEngine:
         return EngineInfo("reference", own, own, "; ".join(titles))
 
     def unsupported(self, mechanism: Mechanism, question: Question) -> tuple[Unsupported, ...]:
-        """List the features of a mechanism that the formulation cannot represent; none by default."""
+        """List the features of a mechanism that the formulation cannot represent; by default some of contact."""
         if question is Question.MODEL:
             return ()
-        return () if self._own is None else registry.unsupported(self._own, mechanism)
+        if self._own is None:
+            return tuple(Unsupported(name, NOT_COVERED[name]) for name in mechanism.features if name in NOT_COVERED)
+        return registry.unsupported(self._own, mechanism)
 
     def methods(self, mechanism: Mechanism, question: Question) -> tuple[Method, ...]:
         """List the methods that answer a question, the reference first."""

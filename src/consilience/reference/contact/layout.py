@@ -12,10 +12,18 @@ from typing import Any
 
 import numpy as np
 
+from consilience.errors import InvalidInput
 from consilience.mechanism import Array, JointSpring, Mechanism, contact_parts
 from consilience.reference.bodies.arrays import ANGLE, DISTANCE, Model, flatten
 from consilience.reference.contact.pairs import LIMIT, pairs_of
 from consilience.reference.contact.problem import FrictionSet
+
+NOT_COVERED = {
+    "compliant contact": "shapes are rigid here: a compliant contact is a force law, not a constraint",
+    "associated cone": "sliding that lifts is a law of steps and impacts, not of accelerations",
+    "dry friction of a reaction": "friction of a joint has a constant bound here",
+}
+"""Features of contact and dry friction, as in `Mechanism.features`, without equations of lasting contact, and why."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +126,16 @@ def _of_contact(part: Any, k: int, turning: int) -> list[FrictionSet]:
 
 
 def layout_of(mechanism: Mechanism) -> RowLayout:
-    """Lay out the rows of a mechanism's contacts, stops and dry frictions."""
+    """Lay out the rows of a mechanism's contacts, stops and dry frictions.
+
+    Raises
+    ------
+    InvalidInput
+        A law that is not covered.
+    """
+    for feature, where in mechanism.features.items():
+        if feature in NOT_COVERED:
+            raise InvalidInput(where, NOT_COVERED[feature], "Leave it out.")
     smooth = smooth_mechanism(mechanism)
     model = flatten(smooth)
     split = [contact_parts(c) for c in mechanism.contacts]
