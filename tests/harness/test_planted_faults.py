@@ -50,12 +50,13 @@ def test_suites_that_are_killed_go_on_and_say_the_same():
     assert (code, last.endswith(" 0 wrong")) == (0, True), said
 
 
-def test_a_store_that_forgets_fails_the_kills():
-    """The report is right, and no job is asked twice of one store; the answers that were seen are other ones."""
-    runner = shlex.join([sys.executable, str(HERE / "planted.py"), "forgets"])
+@pytest.mark.parametrize(("fault", "seen"), [("forgets", "are gone"), ("asks_again", "another report")])
+def test_a_store_that_forgets_or_finds_nothing_fails_the_kills(fault, seen):
+    """Forgotten, the answers that were seen are other ones; asked again, they are refused by the database."""
+    runner = shlex.join([sys.executable, str(HERE / "planted.py"), fault])
     code, last, said = killed("--kills", "1", "--runner", runner)
     assert code == 1, said
-    assert "are gone" in said
+    assert seen in said
     assert not last.endswith(" 0 wrong")
 
 
