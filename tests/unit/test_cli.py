@@ -1,6 +1,7 @@
-"""The command line in real processes: exit codes, clear messages, no file overwritten."""
+"""The command line: exit codes, clear messages, no file overwritten; runs and signals in real processes."""
 
 import csv
+import io
 import json
 import os
 import signal
@@ -8,6 +9,7 @@ import subprocess
 import sys
 import time
 import xml.etree.ElementTree as ET
+from contextlib import redirect_stderr, redirect_stdout
 from importlib.metadata import version
 from pathlib import Path
 from types import SimpleNamespace as Namespace
@@ -17,7 +19,8 @@ import psutil
 import pytest
 
 from consilience.case import case_names
-from consilience.cli.main import LAZY_COMMANDS, command_of
+from consilience.cli import terminal
+from consilience.cli.main import LAZY_COMMANDS, command_of, main
 from consilience.compare import markdown_table
 from consilience.errors import InvalidInput
 from consilience.report.columns import tables_as_columns
@@ -48,7 +51,23 @@ angle = 0.5
 """
 
 
+def called(*arguments, cwd, columns=200):
+    """Call the program in this process: one of its own would spend nearly all its time on imports."""
+    told, complaints = io.StringIO(), io.StringIO()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(cwd)
+        patch.setattr(sys, "argv", ["consilience", *arguments])
+        patch.setenv("COLUMNS", str(columns))
+        patch.setenv("NO_COLOR", "1")
+        for console in (terminal.out, terminal.err):
+            patch.setattr(console, "width", columns)
+        with redirect_stdout(told), redirect_stderr(complaints), pytest.raises(SystemExit) as ended:
+            main()
+    return Namespace(returncode=ended.value.code or 0, stdout=told.getvalue(), stderr=complaints.getvalue())
+
+
 def consilience(*arguments, cwd, columns=200):
+    """Run the program in a process of its own."""
     command = [sys.executable, "-c", "from consilience.cli.main import main; main()", *arguments]
     environment = os.environ | {"COLUMNS": str(columns), "NO_COLOR": "1"}
     return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False, timeout=300, env=environment)
@@ -125,7 +144,7 @@ BAD = {
 @pytest.mark.parametrize("name", BAD)
 def test_bad_input_is_one_message_exit_code_2_and_no_traceback(folder, name):
     arguments, *expected = BAD[name]
-    done = consilience(*arguments, cwd=folder)
+    done = called(*arguments, cwd=folder)
     assert done.returncode == 2
     assert "Traceback" not in done.stderr
     for text in expected:
@@ -153,7 +172,7 @@ def test_a_spoilt_case_file_is_refused_and_the_earlier_report_stays(folder, tmp_
     assert good in GOOD
     (tmp_path / "pendulum.toml").write_text(GOOD.replace(good, bad))
     before = (folder / "report" / "report.jsonl").read_bytes()
-    done = consilience("run", str(tmp_path / "pendulum.toml"), "-o", "report", cwd=folder)
+    done = called("run", str(tmp_path / "pendulum.toml"), "-o", "report", cwd=folder)
     assert done.returncode == 2
     assert "Traceback" not in done.stderr
     for text in expected:
@@ -164,7 +183,7 @@ def test_a_spoilt_case_file_is_refused_and_the_earlier_report_stays(folder, tmp_
 def test_a_report_without_its_footer_is_not_taken_for_complete(folder, tmp_path):
     lines = (folder / "report" / "report.jsonl").read_text().splitlines(keepends=True)
     (tmp_path / "report.jsonl").write_text("".join(lines[:-1]))
-    done = consilience("report", str(tmp_path), cwd=folder)
+    done = called("report", str(tmp_path), cwd=folder)
     assert done.returncode == 2
     assert "cut off" in done.stderr
     assert not (tmp_path / "report.html").exists()
@@ -172,7 +191,7 @@ def test_a_report_without_its_footer_is_not_taken_for_complete(folder, tmp_path)
 
 def test_simulate_writes_the_same_motion_in_all_formats(folder):
     for ending in ("json", "npz", "csv"):
-        done = consilience("simulate", "pendulum.toml", "--duration", "0.1", "-o", f"motion.{ending}", cwd=folder)
+        done = called("simulate", "pendulum.toml", "--duration", "0.1", "-o", f"motion.{ending}", cwd=folder)
         assert done.returncode == 0, done.stderr
     document = json.loads((folder / "motion.json").read_text())
     arrays = np.load(folder / "motion.npz")
@@ -188,10 +207,10 @@ def test_simulate_writes_the_same_motion_in_all_formats(folder):
 
 
 def test_motions_are_plotted_from_a_report_and_by_simulate(folder):
-    done = consilience("plot", "report", "pendulum", "--what", "reactions", "-o", "peak.svg", cwd=folder)
+    done = called("plot", "report", "pendulum", "--what", "reactions", "-o", "peak.svg", cwd=folder)
     assert done.returncode == 0, done.stderr
     arguments = ("--duration", "0.1", "--method", "null_space", "-o", "motion.json", "--plot", "drawn.svg")
-    done = consilience("simulate", "pendulum.toml", *arguments, "-f", "json", cwd=folder)
+    done = called("simulate", "pendulum.toml", *arguments, "-f", "json", cwd=folder)
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
     assert told["how"].startswith("null_space")
@@ -201,21 +220,21 @@ def test_motions_are_plotted_from_a_report_and_by_simulate(folder):
 
 
 def test_schema_accepts_the_shipped_names(folder):
-    done = consilience("schema", "case", cwd=folder)
+    done = called("schema", "case", cwd=folder)
     schema = json.loads(done.stdout)
     assert schema["additionalProperties"] is False
     assert set(schema["required"]) == {"title", "gravity", "body", "joint"}
 
 
 def test_list_gives_each_case_one_line_of_80_columns_and_takes_words_and_tags(tmp_path):
-    lines = consilience("list", cwd=tmp_path, columns=80).stdout.splitlines()
+    lines = called("list", cwd=tmp_path, columns=80).stdout.splitlines()
     assert max(map(len, lines)) <= 80
     for name in case_names():
         assert len([line for line in lines if line.split()[:1] == [name]]) == 1
-    found = json.loads(consilience("list", "GEAR", "lumpy", "-f", "json", cwd=tmp_path).stdout)
+    found = json.loads(called("list", "GEAR", "lumpy", "-f", "json", cwd=tmp_path).stdout)
     assert [case["name"] for case in found["cases"]] == ["bevel_gears"]
-    assert "gear_pair" in consilience("list", "gear", cwd=tmp_path).stdout
-    tour = json.loads(consilience("list", "--tag", "tour", "-f", "json", cwd=tmp_path).stdout)
+    assert "gear_pair" in called("list", "gear", cwd=tmp_path).stdout
+    tour = json.loads(called("list", "--tag", "tour", "-f", "json", cwd=tmp_path).stdout)
     assert all("tour" in case["tags"] for case in tour["cases"])
     assert "engines" not in tour
 
@@ -232,11 +251,11 @@ def test_tables_of_markdown_are_columns_in_a_terminal():
 
 
 def test_the_version_is_that_of_the_package(tmp_path):
-    assert consilience("--version", cwd=tmp_path).stdout == f"consilience {version('consilience')}\n"
+    assert called("--version", cwd=tmp_path).stdout == f"consilience {version('consilience')}\n"
 
 
 def test_show_works_from_any_folder(tmp_path):
-    shown = consilience("show", "four_bar", cwd=Path(tmp_path)).stdout
+    shown = called("show", "four_bar", cwd=Path(tmp_path)).stdout
     assert "1 degree of freedom, 20 constraint rows, 3 of them dependent" in shown
 
 
