@@ -8,72 +8,32 @@ error. Exit code 1 if a difference exceeds 1e-12, or if no case is written.
 from __future__ import annotations
 
 import argparse
-import atexit
-import functools
 import json
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
 import numpy as np
 
+from alone import run_alone
 from consilience.case import load_case, shipped_cases
 from consilience.cli.native_files import native_files, write_native
 from consilience.engine import Question, load_engine
 from consilience.errors import ConsilienceError
 
-ALONE = """
-import contextlib, importlib, io, json, os, re, runpy, sys, traceback, warnings
-sys.modules["consilience"] = None
-for path in map(str.strip, sys.stdin):
-    for name in re.findall(r"^import ([\\w.]+)", open(path).read(), re.MULTILINE):
-        importlib.import_module(name)
-    with warnings.catch_warnings(action="ignore"):
-        child = os.fork()
-    if child:
-        status = os.waitpid(child, 0)[1]
-        if status:
-            print(json.dumps(["", f"it died: status {status}"]), flush=True)
-        continue
-    told, error = io.StringIO(), ""
-    try:
-        with contextlib.redirect_stdout(told):
-            runpy.run_path(path, run_name="__main__")
-    except BaseException:
-        error = traceback.format_exc()
-    print(json.dumps([told.getvalue(), error]), flush=True)
-    os._exit(0)
-"""
-"""Runs scripts, one path a line, where our package cannot be imported: each in a process of its own, after imports."""
-
 BAR = 1e-12
 """Largest relative difference of accelerations."""
 
 
-@functools.cache
-def _alone():
-    """Start the process that runs the scripts: to import an engine takes longer than a script."""
-    command = [sys.executable, "-W", "error", "-c", ALONE]
-    started = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-    atexit.register(started.communicate)
-    return started
-
-
-def run_alone(folder):
+def results(folder):
     """Run the script of a native model without our code; return the results that the script prints."""
-    process = _alone()
-    process.stdin.write(f"{folder / 'run.py'}\n")
-    process.stdin.flush()
-    told, error = json.loads(process.stdout.readline())
-    assert not error, error[-2000:]
-    return json.loads(told)
+    return json.loads(run_alone(folder / "run.py", "-W", "error"))
 
 
 def difference(case, engine_name, state, folder):
     """Largest difference of accelerations between exported model and adapter, relative to the largest acceleration."""
     write_native(native_files(case, engine_name, state), folder)
-    told = run_alone(folder)
+    told = results(folder)
     engine = load_engine(engine_name)
     answer = engine.instant(case.mechanism, [state], engine.methods(case.mechanism, Question.INSTANT)[0])
     theirs = np.concatenate([answer.a_WB_W[0], answer.alpha_WB_W[0]], axis=1)

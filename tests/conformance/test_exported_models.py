@@ -64,7 +64,7 @@ def test_an_exported_model_accelerates_as_newton_and_euler_say(tmp_path, engine,
     mechanism = ELEMENTS[name]
     state = states_of(mechanism, 1)[0]
     write_native(exporter(engine)(name, mechanism, state), tmp_path)
-    told = exported.run_alone(tmp_path)
+    told = exported.results(tmp_path)
     a, alpha, _, _ = truth.solve(mechanism, state)
     scale = max(np.max(np.abs(a)), np.max(np.abs(alpha)))
     assert np.allclose([told[b.name]["a"] for b in mechanism.bodies], a, rtol=0.0, atol=1e-9 * scale)
@@ -91,7 +91,7 @@ def test_exudyn_goes_on_with_a_script_and_holds_what_is_held(tmp_path, name):
     start = states_of(mechanism, 1)[0]
     text = exporter("exudyn")(name, mechanism, start)["run.py"]
     write_native({"run.py": text.partition("if __name__")[0] + GO_ON}, tmp_path)
-    q, q_t = np.array(exported.run_alone(tmp_path))
+    q, q_t = np.array(exported.results(tmp_path))
     quaternions = q[:, 3:] + [1.0, 0.0, 0.0, 0.0]  # unit length to the tolerance of Exudyn's solver
     turned = rotation_from_quaternion
     w = [turned(e) @ (2.0 * euler_parameter_matrix(e) @ e_t) for e, e_t in zip(quaternions, q_t[:, 3:], strict=True)]

@@ -1,17 +1,18 @@
 """Scripts of findings: each uses the engine alone, still shows the finding (exit code 0) and prints engine versions."""
 
 import re
-import subprocess
 import sys
 from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 
+from alone import run_alone
+
 FINDINGS = Path(__file__).parents[2] / "reports" / "findings"
 NAMES = sorted(path.parent.name for path in FINDINGS.glob("*/show.py"))
 MODULES = {"exudyn": "exudyn", "pinocchio": "pin", "mujoco": "mujoco", "dartpy": "dartpy"}  # module: printed name
-LIMIT = 20.0  # s, many times what the slowest script takes
+LIMIT = 20  # s, many times what the slowest script takes
 
 
 def imported(script):
@@ -31,12 +32,9 @@ def test_script_shows_its_finding(name, tmp_path):
     for engine in engines:
         if find_spec(engine) is None:
             pytest.skip(f"{engine} is not installed")
-    done = subprocess.run(
-        [sys.executable, path], cwd=tmp_path, capture_output=True, text=True, timeout=LIMIT, check=False
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
+    told = run_alone(path, folder=tmp_path, limit=LIMIT)
     for engine in engines:
-        assert re.search(rf"\b{MODULES[engine]} \d+\.\d+", done.stdout), "the version is printed"
+        assert re.search(rf"\b{MODULES[engine]} \d+\.\d+", told), "the version is printed"
 
 
 @pytest.mark.parametrize("name", NAMES)

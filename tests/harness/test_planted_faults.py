@@ -140,13 +140,13 @@ def test_a_page_that_does_not_do_what_it_says_fails_the_newcomer(monkeypatch, tm
 def test_a_native_model_that_errs_fails_the_exported_ones(monkeypatch, capsys):
     pytest.importorskip("pinocchio")
     assert exported.main(["pinocchio", "double_pendulum"]) == 0
-    run = exported.run_alone
+    run = exported.results
 
     def bent(folder):
         told = run(folder)
         return {name: about | {"a": (1.0 + 1e-11) * np.array(about["a"])} for name, about in told.items()}
 
-    monkeypatch.setattr(exported, "run_alone", lambda folder: _lists(bent(folder)))
+    monkeypatch.setattr(exported, "results", lambda folder: _lists(bent(folder)))
     assert exported.main(["pinocchio", "double_pendulum"]) == 1
     assert exported.main(["pinocchio", "bouncing_sphere"]) == 1, "nothing was compared"
     assert "nothing to compare" in capsys.readouterr().err

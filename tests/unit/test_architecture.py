@@ -1,6 +1,7 @@
 """Documentation of the architecture: pages, glossary and decisions agree with the code."""
 
 import ast
+import functools
 import importlib
 import importlib.util
 import inspect
@@ -28,6 +29,7 @@ def loaded(path):
 
 
 draw = loaded(DOCS / "draw_architecture.py")
+drawings = functools.cache(draw.drawings)
 
 
 # ---------------------------------------------------------------- architecture
@@ -36,7 +38,7 @@ draw = loaded(DOCS / "draw_architecture.py")
 @pytest.mark.parametrize("name", ["architecture.svg", "architecture-reference.svg"])
 def test_the_drawings_are_those_of_the_imports(name):
     there = (DOCS / name).read_text(encoding="utf-8")
-    assert there == draw.drawings()[name], "run: python docs/draw_architecture.py"
+    assert there == drawings()[name], "run: python docs/draw_architecture.py"
     assert f"]({name})" in PAGE
 
 

@@ -3,7 +3,6 @@
 import csv
 import io
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -66,19 +65,14 @@ def called(*arguments, cwd, columns=200):
     return Namespace(returncode=ended.value.code or 0, stdout=told.getvalue(), stderr=complaints.getvalue())
 
 
-def consilience(*arguments, cwd, columns=200):
-    """Run the program in a process of its own."""
-    command = [sys.executable, "-c", "from consilience.cli.main import main; main()", *arguments]
-    environment = os.environ | {"COLUMNS": str(columns), "NO_COLOR": "1"}
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False, timeout=300, env=environment)
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Make a folder with a valid case, and the report of the reference and one engine on the case."""
+    """Make a folder with a valid case, and its report of the reference and one engine, by a process of its own."""
     path = tmp_path_factory.mktemp("cli")
     (path / "pendulum.toml").write_text(GOOD)
-    done = consilience("run", "pendulum.toml", "-e", "pinocchio", "-o", "report", cwd=path)
+    words = ("run", "pendulum.toml", "-e", "pinocchio", "-o", "report")
+    command = [sys.executable, "-c", "from consilience.cli.main import main; main()", *words]
+    done = subprocess.run(command, cwd=path, capture_output=True, text=True, check=False, timeout=600)
     assert done.returncode == 0, done.stdout + done.stderr
     return path
 
@@ -96,13 +90,13 @@ def test_run_writes_the_three_files_and_names_the_report(folder):
 def test_report_renders_the_same_pages_again_from_the_record(folder):
     before = (folder / "report" / "report.md").read_text()
     (folder / "report" / "report.md").unlink()
-    done = consilience("report", "report", cwd=folder)
+    done = called("report", "report", cwd=folder)
     assert done.returncode == 0
     assert (folder / "report" / "report.md").read_text() == before
 
 
 def test_a_run_ends_with_its_headline_and_says_what_it_replaces(folder):
-    told = consilience("report", "report", cwd=folder).stdout.splitlines()
+    told = called("report", "report", cwd=folder).stdout.splitlines()
     assert told[-3:] == [
         "1 of 1 cell agrees at model and instant.",
         "1 of 1 motion reaches the digits asked by the engine's best method.",
@@ -111,10 +105,10 @@ def test_a_run_ends_with_its_headline_and_says_what_it_replaces(folder):
     (folder / "other").mkdir()
     (folder / "other" / "report.jsonl").write_text((folder / "report" / "report.jsonl").read_text())
     call = ("run", "pendulum.toml", "-e", "reference", "-q", "model", "-o", "other")
-    done = consilience(*call, "-f", "json", cwd=folder)
+    done = called(*call, "-f", "json", cwd=folder)
     assert "other holds the report of another run (1 case, pinocchio, reference), which this one" in done.stderr
     assert json.loads(done.stdout)["exit_code"] == done.returncode == 0
-    assert "another run" not in consilience(*call, cwd=folder).stderr
+    assert "another run" not in called(*call, cwd=folder).stderr
 
 
 BAD = {
@@ -310,10 +304,8 @@ def test_cases_are_chosen_by_tag_or_group_and_unknown_tags_are_refused():
         ("consilience explain hori", "horizon"),
     ],
 )
-def test_a_shell_completes_commands_options_and_names(words, found, tmp_path):
+def test_a_shell_completes_commands_options_and_names(words, found, tmp_path, monkeypatch):
     asked = {"_CONSILIENCE_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(words.count(" "))}
-    call = "import sys; from consilience.cli.main import main; sys.argv = ['consilience']; main()"
-    done = subprocess.run(
-        [sys.executable, "-c", call], env=os.environ | asked, cwd=tmp_path, capture_output=True, text=True, check=False
-    )
-    assert done.stdout.split() == [found]
+    for name, value in asked.items():
+        monkeypatch.setenv(name, value)
+    assert called(cwd=tmp_path).stdout.split() == [found]
