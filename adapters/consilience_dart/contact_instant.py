@@ -30,8 +30,8 @@ UNTURNED = 1e-6
 """Largest acceleration of a closed gap at constant rates of the coordinates, in m/s^2."""
 
 
-MOST_ITERATIONS = 1000
-"""Of the solver of friction: its default of 100 is too few for the first steps of a box that tips."""
+MOST_ITERATIONS, FINE = 1000, 1e-12
+"""Of the solver of friction: 100 iterations, its default, are too few for the first steps of a box that tips."""
 
 
 def _slowest(model: Model, touching: Touching, state: State) -> float:
@@ -87,7 +87,7 @@ def settle(stepping: Stepper, c: Coordinates, state: State) -> Array:
     """
     touching = stepping.touching
     assert touching is not None
-    touching.iterate(MOST_ITERATIONS)
+    touching.iterate(MOST_ITERATIONS, FINE)
     _refuse_turning(stepping, c)
     stepping.restart(c, 0.0, STEP)
     h = min(STEP, TURN * _slowest(stepping.model, touching, state) / FRICTION)

@@ -8,7 +8,7 @@ import numpy as np
 
 from consilience.engine import Method, Profile, Question, Route, Unsupported
 from consilience.mechanism import GROUND, Array, Cone, ContactLaw, Mechanism
-from consilience_dart.contact_instant import MOST_ITERATIONS, STEP
+from consilience_dart.contact_instant import FINE, MOST_ITERATIONS, STEP
 from consilience_dart.contacts import TOLERANCE
 from consilience_dart.stepping import ERROR_REDUCTION_TRAJECTORY
 from consilience_dart.translation import unstepped
@@ -99,10 +99,11 @@ def unilateral_methods(mechanism: Mechanism, question: Question, loops: bool) ->
     if question is Question.INSTANT:
         steps = f"{STEP:g} s or less, halved twice, extrapolated to 0"
         settings = settings | {"step": steps, "FbfFrictionSolver.maxOuterIterations": MOST_ITERATIONS}
+        settings["FbfFrictionSolver.tolerance"] = FINE
         return (Method(INSTANT, Route.EXTRAPOLATED, settings=settings, contact_law=circle),)
     box = f"box along normal x world z, or along x and y of the world where the normal is z; {_IMPACT}"
     return (
-        Method(CONES, Route.TUNED, 1, (20, 40, 80), settings=settings, contact_law=circle),
+        Method(CONES, Route.TUNED, 1, (10, 20, 40), settings=settings, contact_law=circle),
         Method(EXTRAPOLATED, Route.EXTRAPOLATED, 3, (4, 8, 16), settings=settings, contact_law=circle),
         Method(
             BOX,

@@ -28,8 +28,8 @@ SEPARATED, SLIDING, STICKING = range(3)
 AT_REST = 1e-6
 """Slip in m/s below which a contact sticks: DART's force mixing of 1e-5 lets it creep."""
 
-TOLERANCE = 1e-12
-"""Of `FbfFrictionSolver`."""
+TOLERANCE = 1e-10
+"""Of `FbfFrictionSolver` in motions; its default is 1e-6."""
 
 TOO_MANY = 0.05
 """Part of the solutions of friction that may fail: where a body with several contacts rests, and forces of friction are
@@ -151,9 +151,9 @@ class Touching:
             setattr(all_options, name, value)
         self._friction.setOptions(all_options)
 
-    def iterate(self, most: int) -> None:
-        """Let the solver of friction iterate up to this number of times."""
-        self._set(maxOuterIterations=most)
+    def iterate(self, most: int, tolerance: float) -> None:
+        """Let the solver of friction iterate up to this number of times, to this tolerance."""
+        self._set(maxOuterIterations=most, tolerance=tolerance)
 
     def restart(self) -> None:
         """Set all sums to zero."""

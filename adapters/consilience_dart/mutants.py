@@ -79,6 +79,74 @@ def _free_twist(original: Any, magnitude: float, model: Any, state: Any) -> Any:
     return replace(c, v=v)
 
 
+def _pads(change: Any) -> Any:
+    """Replace friction and restitution of a shape by those of a function of contact, restitution and magnitude."""
+
+    def make(original: Any, magnitude: float) -> Any:
+        class Changed(original):  # type: ignore[misc]
+            def add(self, shape: Any, position: Any, law: Any, restitution: float) -> None:
+                super().add(shape, position, *change(law, restitution, magnitude))
+
+        return Changed
+
+    return make
+
+
+def _frictions(law: Any, restitution: float, magnitude: float) -> Any:
+    return replace(law, friction=(1.0 - 0.5 * magnitude) * law.friction), restitution
+
+
+def _restitution_on_both(law: Any, restitution: float, magnitude: float) -> Any:
+    return law, law.restitution if restitution == 1.0 else restitution
+
+
+def _shape_off(original: Any, magnitude: float) -> Any:
+    class Shifted(original):  # type: ignore[misc]
+        def add(self, shape: Any, position: Any, law: Any, restitution: float) -> None:
+            super().add(shape, (1.0 - magnitude) * position, law, restitution)
+
+    return Shifted
+
+
+def _boxed(original: Any, magnitude: float, *arguments: Any, **named: Any) -> Any:
+    stepping = original(*arguments, **(named | {"cones": False}))
+    stepping.touching.iterate = lambda *_: None
+    return stepping
+
+
+def _on_partner(original: Any, magnitude: float, *arguments: Any) -> Any:
+    return (1.0 - 2.0 * magnitude) * original(*arguments)
+
+
+def _no_black_list(original: Any, magnitude: float) -> Any:
+    return lambda *_: ()
+
+
+def _limits_not_turned(original: Any, magnitude: float, model: Any) -> None:
+    straight = {key: replace(axis, sign=1.0) for key, axis in model.axes.items()}
+    original(replace(model, axes=straight))
+
+
+CONTACT_MUTANTS = (
+    Mutant(5, "friction of one partner, DART", "half of the coefficient", FINE[:2], FRACTION, I,
+           inside(("contacts", "_Pad", _pads(_frictions)))),
+    Mutant(5, "restitution squared, DART", "restitution on both shapes, which DART multiplies", WHOLE, "", T,
+           inside(("contacts", "_Pad", _pads(_restitution_on_both)))),
+    Mutant(5, "shapes at the origin", "a part of the place of each shape is lost", FINE[:2], FRACTION, I,
+           inside(("contacts", "_Pad", _shape_off))),
+    Mutant(5, "box for a cone", "DART's default friction", WHOLE, "", T,
+           inside(("engine", "stepper", wrapped(_boxed)))),
+    Mutant(5, "force on the partner, DART", "forces of contacts are those on the other body", FINE[:2], FRACTION, I,
+           inside(("engine", "settle", wrapped(_on_partner)))),
+    Mutant(5, "all pairs collide", "the black list is empty", WHOLE, "", I,
+           inside(("contacts", "combinations", _no_black_list))),
+    Mutant(5, "margin, DART", "spheres are larger by this", (1e-2, 1e-3), "m", T,
+           inside(("contacts", "INSIDE", lambda original, magnitude: magnitude))),
+    Mutant(5, "limits not turned", "limits of joints passed backwards are at the wrong ends", WHOLE, "", T,
+           inside(("stepping", "set_limits", wrapped(_limits_not_turned)))),
+)  # fmt: skip
+"""Errors of contacts, on mechanisms with contacts; the campaign has none of these."""
+
 MUTANTS = (
     Mutant(2, "implicit damping", "the skeleton keeps a time step, over which springs and dampers are implicit",
            (1e-1, 1e-2, 1e-3, *decades(-4, -14, 2)), "s", I, inside(("", "_translated", on_result(_time_step))),

@@ -5,7 +5,7 @@ Only the campaign imports this module; the vocabulary of `consilience.audit.muta
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -107,6 +107,83 @@ def _contact_sign(original: Any, magnitude: float, translation: Any) -> Any:
 def _one_iteration(settings: dict[str, Any], magnitude: float) -> dict[str, Any]:
     return {"mu": magnitude, "max_iter": 1} if "mu" in settings else {}
 
+
+def _frictions(original: Any, magnitude: float, friction: float) -> Any:
+    """Take a part of the friction away: of the two coefficients of a pair only one is read."""
+    return original((1.0 - 0.5 * magnitude) * friction)
+
+
+def _restitution_squared(original: Any, magnitude: float) -> Any:
+    class Squared(original):  # type: ignore[misc]
+        def needed(self, gap: float, along: Any, restitution: float) -> float | None:
+            return super().needed(gap, along, restitution ** (1.0 + magnitude))
+
+    return Squared
+
+
+def _touch(change: Callable[[Any, float, tuple[Any, ...]], tuple[Any, ...]]) -> Callable[[Any, float], Any]:
+    """Replace gap, normal and arm of contacts by those of a function of contact, magnitude and these three."""
+
+    def make(original: Any, magnitude: float) -> Any:
+        class Changed(original):  # type: ignore[misc]
+            def _geometry(self) -> Any:
+                return change(self, magnitude, super()._geometry())
+
+        return Changed
+
+    return make
+
+
+def _normal_of_body(touch: Any, magnitude: float, found: tuple[Any, ...]) -> tuple[Any, ...]:
+    gap, normal, arm = found
+    turned = normal + magnitude * (touch.body.R @ touch.law.normal - normal)
+    return gap, turned / np.linalg.norm(turned), arm
+
+
+def _at_center(touch: Any, magnitude: float, found: tuple[Any, ...]) -> tuple[Any, ...]:
+    gap, normal, arm = found
+    return gap, normal, arm + magnitude * (touch.body.R @ touch.law.center - arm)
+
+
+def _margin(touch: Any, magnitude: float, found: tuple[Any, ...]) -> tuple[Any, ...]:
+    return (found[0] - magnitude, *found[1:])
+
+
+def _no_bias(original: Any, magnitude: float) -> Any:
+    class Unturned(original):  # type: ignore[misc]
+        def bias(self, nearest: Any) -> Any:
+            return (1.0 - magnitude) * super().bias(nearest)
+
+    return Unturned
+
+
+def _on_partner(original: Any, magnitude: float, *arguments: Any) -> Any:
+    solution, forces = original(*arguments)
+    return solution, (1.0 - 2.0 * magnitude) * forces
+
+
+def _lifting(original: Any, magnitude: float) -> Any:
+    return lambda associated=False: original(associated=True)
+
+
+CONTACT_MUTANTS = (
+    Mutant(5, "friction of one partner, Pinocchio", "half of the coefficient", FINE[:2], FRACTION, I,
+           inside(("unilateral", "Circle", wrapped(_frictions)))),
+    Mutant(5, "restitution squared, Pinocchio", "restitution of both partners multiplied", WHOLE, "", T,
+           inside(("moreau", "Start", _restitution_squared))),
+    Mutant(5, "normal of the body", "the normal of a plane turns with the other body", FINE[:2], FRACTION, I,
+           inside(("unilateral", "Touch", _touch(_normal_of_body)))),
+    Mutant(5, "force at the centre", "the force of a contact acts at the centre of its sphere", FINE[:2], FRACTION, I,
+           inside(("unilateral", "Touch", _touch(_at_center)))),
+    Mutant(5, "margin, Pinocchio", "gaps are too small by this", (1e-2, 1e-3), "m", T,
+           inside(("unilateral", "Touch", _touch(_margin)))),
+    Mutant(5, "no turning of contacts", "rates of the slip at zero accelerations left out", FINE[:2], FRACTION, I,
+           inside(("unilateral", "Touch", _no_bias))),
+    Mutant(5, "force on the partner, Pinocchio", "forces of contacts on the other body", FINE[:2], FRACTION, I,
+           inside(("engine", "settle", wrapped(_on_partner)))),
+    Mutant(5, "cone that lifts", "solve_ncp is false", WHOLE, "", T, inside(("unilateral", "ConeSolver", _lifting))),
+)  # fmt: skip
+"""Errors of contacts, on mechanisms with contacts; the campaign has none of these."""
 
 MUTANTS = (
     Mutant(1, "armature, Pinocchio", "Model.armature: this part of the diagonal of the mass matrix", decades(-1, -13),
