@@ -1,7 +1,7 @@
 """Pinocchio: `ADMMConstraintSolver` leaves its penalty in the Delassus operator, and the next solver takes it for mass.
 
-A mass of 1 kg pressed on a plane by 1 N: the normal force is 1. The same operator is given to the ADMM solver and then to
-`PGSConstraintSolver`, and its matrix is read before and after. Second route: PGS with a new operator.
+A mass of 1 kg pressed on a plane by 1 N: the normal force is 1. The same operator is given to the ADMM solver and then
+to `PGSConstraintSolver`, and its matrix is read before and after. Second route: PGS with a new operator.
 """
 
 import sys

@@ -17,6 +17,7 @@ PLACE = pin.SE3.Identity()
 
 
 def friction(bound):
+    """Joint friction between minus and plus a bound."""
     return pin.JointFrictionConstraintModel(MODEL, JOINTS, np.array([-bound]), np.array([bound]))
 
 
