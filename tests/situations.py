@@ -14,6 +14,7 @@ import numpy as np
 from consilience.compare import Comparison, ReferenceMotion, Verdict, compare_trajectory
 from consilience.compare.motion import size_of_motion
 from consilience.compare.power import MotionSensitivity
+from consilience.compare.reference_motion import OtherLaw
 from consilience.compare.softness import SCALES
 from consilience.engine import Method, Profile, Question, Route, Run, Status, TrajectoryAnswer
 from consilience.mechanism import quaternion_from_rotation_vector
@@ -63,6 +64,8 @@ class Situation:
     earlier: str = ""
     effect: float | None = None
     singular: int | None = None
+    impacts: bool = False
+    other: str = ""
     velocity: float = 1.0
     velocity_slope: float = 0.0
 
@@ -81,7 +84,13 @@ class Situation:
             () if self.effect is None else (MotionSensitivity("gravity", "gravity", np.full(len(TIMES), self.effect)),)
         )
         spread = np.full(len(TIMES), self.spread)
-        yard = ReferenceMotion(TRUE, spread, self.digits, self.growth, self.dispute, acting, self.singular)
+        true = (
+            replace(TRUE, event_time=HIT, event_kind=np.array([0]), event_contact=np.array([0]))
+            if self.impacts
+            else TRUE
+        )
+        law = OtherLaw(self.other, "another law", motion(SIZE * OTHER * SHAPE)) if self.other else None
+        yard = ReferenceMotion(true, spread, self.digits, self.growth, self.dispute, acting, self.singular, law)
         return compare_trajectory(MECHANISM, runs, yard, softer, self.earlier)
 
     def _run(self, method: Method, level: int, h: float, s: float) -> Run:
@@ -108,6 +117,18 @@ EXPONENTIAL = np.exp(10.0 * TIMES)
 A, D, R = Verdict.AGREES, Verdict.DISCRETISATION, Verdict.REGULARISATION
 U, M = Verdict.UNRESOLVED, Verdict.MODEL
 DEFAULT = Profile.DEFAULT
+
+HIT = np.array([0.5])
+"""Time of an impact, s."""
+
+OTHER = 0.01
+"""Difference of the motion under another law of contact, over `SHAPE`."""
+
+
+def phase(size: float) -> Error:
+    """Error of an impact: random, within a multiple of the step."""
+    return lambda h, _: size * h * np.random.default_rng(round(1e6 * h)).uniform(0.3, 1.0)
+
 
 SITUATIONS = (
     # ---------------------------------------------------------------- agreement
@@ -159,6 +180,26 @@ SITUATIONS = (
     ),
     Situation("two levels, order against the reference", lambda h, s: 5.0 * h**2, D, "steps", steps=(0.02, 0.01)),
     Situation("order 1 at the defaults", lambda h, s: 3.0 * h, D, "steps", order=1, profile=DEFAULT),
+    # ---------------------------------------------------------------- contact
+    Situation("impacts at random phases", phase(0.2), D, "impacts within steps", order=1, impacts=True),
+    Situation("impacts, order by chance", lambda h, s: 0.3 * h, D, "impacts within steps", order=1, impacts=True),
+    Situation(
+        "impacts, another restitution", lambda h, s: 0.05 + phase(0.2)(h, s), M, "impacts elsewhere", impacts=True
+    ),
+    Situation("impacts that scatter", noise(1e-3), U, "impacts unclear", order=1, impacts=True),
+    Situation("a pyramid for the cone", lambda h, s: OTHER + 0.02 * h, M, "cone shape", order=1, other="cone shape"),
+    Situation(
+        "a pyramid, different at an instant already",
+        lambda h, s: OTHER + 0.02 * h,
+        M,
+        "cone shape",
+        order=1,
+        other="cone shape",
+        earlier="instant: accelerations",
+    ),
+    Situation("a convex law", lambda h, s: OTHER + 1e-5, M, "associated cone", order=None, other="associated cone"),
+    Situation("springs for rigid shapes", lambda h, s: OTHER + 1e-5, R, "compliance", order=None, other="compliance"),
+    Situation("neither law", lambda h, s: 2.0 * OTHER + h**2, M, "elsewhere", other="cone shape"),
     # ---------------------------------------------------------------- regularisation
     Situation("soft in proportion", lambda h, s: 1e-4 * s, R, "softness", soft=True),
     Situation("soft in proportion, with steps", lambda h, s: 1e-4 * s + 0.1 * h**2, R, "softness", soft=True),

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from consilience.compare.rules import Evidence, decide
+from consilience.compare.evidence import Evidence
+from consilience.compare.rules import decide
 from consilience.mechanism import (
     GROUND,
     Friction,

@@ -29,8 +29,8 @@ grow in proportion.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -53,7 +53,7 @@ from consilience.mechanism import (
 
 EPS = float(np.finfo(float).eps)
 EXACT = 1e-12
-SOFTENED = frozenset({"accelerations", "reactions"})
+SOFTENED = frozenset({"accelerations", "reactions", "contact forces"})
 """Quantities of an instant that depend on the softness of constraints."""
 
 FLOOR = 1e-2
@@ -70,6 +70,12 @@ class Bars:
 
 BARS: dict[Route, Bars] = {Route.EXTRAPOLATED: Bars(acceleration=1e-8, reaction=1e-7)}
 """Bars of the routes that differ from the usual ones."""
+
+CONTACT = Bars(acceleration=1e-6, reaction=1e-5)
+"""Bars where a contact pushes and the engine finds its force by its own softness, overlap or step."""
+
+EXACT_ROUTES = (Route.REFERENCE, Route.HARNESS_SOLVE)
+"""Routes whose forces of contacts are as exact as others."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +103,9 @@ class Instants:
         Largest kinetic energy with the velocities that the joints between a body and the ground add up: where these
         cancel, the velocity of the body has their rounding.
     bodies : int
+    contact_pairs : ndarray, shape (n_p, n_c)
+        Signs with which the forces of the contacts add up to the force between each pair of bodies: single forces of
+        several contacts may be undetermined.
     answers : int
         Number of answers that rounding may put off by a bar: two where a formulation of the reference is compared with
         another, each of which is as far from the truth as its rounding allows.
@@ -112,6 +121,7 @@ class Instants:
     weights: float
     swings: float
     bodies: int
+    contact_pairs: Array = field(default_factory=lambda: np.zeros((0, 0)))
     answers: int = 1
 
     @property
@@ -134,6 +144,7 @@ class Instants:
             max(float(np.sum(np.abs(masses * (centres_of_mass(mechanism, s)[0] @ mechanism.gravity)))) for s in states),
             max(_swings(mechanism, s, masses) for s in states),
             len(mechanism.bodies),
+            _contact_pairs(mechanism),
         )
 
     @property
@@ -168,6 +179,13 @@ def _swings(mechanism: Mechanism, state: State, masses: Array) -> float:
         return 0.0
     reach = np.min(np.linalg.norm(centres[:, None] - np.array(places), axis=2), axis=1)
     return 0.5 * float(np.sum(masses * np.linalg.norm(velocities, axis=1) * reach)) * _largest(state.w_WB_W)
+
+
+def _contact_pairs(mechanism: Mechanism) -> Array:
+    """Return the signs of the contacts in the force between each pair of bodies, shape (n_p, n_c)."""
+    ends = [(contact.body, contact.partner) for contact in mechanism.contacts]
+    pairs = dict.fromkeys((min(pair), max(pair)) for pair in ends)
+    return np.array([[(pair == end) - (pair == end[::-1]) for end in ends] for pair in pairs], dtype=float)
 
 
 def _driven(mechanism: Mechanism, state: State) -> float:
@@ -258,6 +276,9 @@ def compare_instant(
         Answers at the scales of `softness.SCALES`, or none.
     """
     bars = BARS.get(method.route, Bars())
+    pushed = reference.contact_force is not None and np.any(reference.contact_force)
+    if pushed and method.route not in EXACT_ROUTES:
+        bars = CONTACT
     energies = {"kinetic": _largest(reference.kinetic), "potential": _largest(reference.potential)}
     most, terms = max(energies.values()), {"kinetic": instants.swings, "potential": instants.weights}
     compared = compare_by_bars(
@@ -268,6 +289,7 @@ def compare_instant(
         (
             _accelerations(answer, reference, instants, bars.acceleration),
             _reactions(answer, reference, instants, bars.reaction),
+            *_contact_forces(answer, reference, instants, bars.reaction),
             *(
                 Quantity(
                     f"{name} energy",
@@ -303,6 +325,20 @@ def _with_softness(compared: Comparison, soft: Softness) -> Comparison:
         why = f"{what}, and softness moves it without settling: harder constraints are needed"
         return replace(compared, verdict=Verdict.UNRESOLVED, rule="softness unclear", why=why)
     return compared
+
+
+def _contact_forces(
+    answer: InstantAnswer, reference: InstantAnswer, instants: Instants, bar: float
+) -> Iterator[Quantity]:
+    """Compare the forces between pairs of bodies in contact."""
+    if reference.contact_force is None or not len(instants.contact_pairs):
+        return
+    if answer.contact_force is None:
+        yield Quantity("contact forces", 0.0, bar, 0, "this method gives none")
+        return
+    found, expected = (instants.contact_pairs @ one for one in (answer.contact_force, reference.contact_force))
+    _, difference, grown = _worst(found, expected, instants.inertial(reference), bar * instants.rounding)
+    yield Quantity("contact forces", difference, grown, expected.size)
 
 
 def _worst(

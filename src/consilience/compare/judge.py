@@ -19,9 +19,10 @@ from consilience.compare.instant import SOFTENED
 from consilience.compare.other_methods import reconsidered
 from consilience.compare.power import sensitivities
 from consilience.compare.published import against_published, dispute
+from consilience.compare.reference_motion import ReferenceMotion
 from consilience.compare.result import Comparison, Quantity, Verdict
 from consilience.compare.rules import CONVERGENCE, rate_text
-from consilience.compare.trajectory import ReferenceMotion, spread_over_time
+from consilience.compare.trajectory import spread_over_time
 from consilience.engine import Profile, Question, Run, Status, load_named
 from consilience.errors import ConsilienceError
 from consilience.mechanism import is_singular, singular_pose
@@ -157,7 +158,7 @@ def reference_motion_of(case: Case, references: Sequence[Run]) -> tuple[Referenc
     spread = spread_over_time(mechanism, motions)
     known = against_published(mechanism, case.published, motions, spread)
     growing = growth(mechanism, motions[0], displaced)
-    acting = sensitivities(mechanism, [run for run in references if not _displaced(run)])
+    acting = sensitivities(mechanism, [r for r in references if not _displaced(r) and not under_other_law(r)])
     return ReferenceMotion(motions[0], spread, case.digits, growing, dispute(known), acting), known
 
 
@@ -165,9 +166,14 @@ def _displaced(run: Run) -> bool:
     return run.engine == REFERENCE and run.method is not None and DISPLACED_START in run.method.name
 
 
+def under_other_law(run: Run) -> bool:
+    """Whether a run of the reference is about the mechanism with a law of contact that is not the case's."""
+    return run.engine == REFERENCE and run.method is not None and run.method.law is not None
+
+
 def _auxiliary(run: Run) -> bool:
     """Whether a run of the reference is about another start or another mechanism, and is not judged itself."""
-    return run.perturbation is not None or _displaced(run)
+    return run.perturbation is not None or _displaced(run) or under_other_law(run)
 
 
 def _softened(run: Run) -> bool:
@@ -177,16 +183,19 @@ def _softened(run: Run) -> bool:
 def _references(runs: Sequence[Run], question: Question) -> list[Run]:
     """Return the answered runs of the reference: the best first, then those that bound its uncertainty and horizon.
 
-    The last are about mechanisms with an error, for the power of comparisons; none without the best one.
+    Then those about mechanisms with an error, for the power of comparisons, and those under other laws of contact; none
+    without the best one.
     """
     given = [r for r in runs if r.engine == REFERENCE and r.question is question and r.status is Status.ANSWERED]
-    answered, perturbed = [r for r in given if r.perturbation is None], [r for r in given if r.perturbation is not None]
+    answered = [r for r in given if r.perturbation is None and not under_other_law(r)]
+    perturbed = [r for r in given if r.perturbation is not None]
+    laws = [r for r in given if under_other_law(r)]
     if all(_displaced(r) for r in answered):
         return []
     headline = [r for r in answered if r.method == answered[0].method]
     others = [r for r in answered if r.method != answered[0].method]
     # the coarsest tolerance serves the work-precision plot alone and does not bound the uncertainty
-    return [*headline[-1:], *headline[1:-1], *others, *perturbed]
+    return [*headline[-1:], *headline[1:-1], *others, *perturbed, *laws]
 
 
 _WITHOUT_ANSWER = {

@@ -12,11 +12,15 @@ from functools import cached_property
 import numpy as np
 
 from consilience.case import Case
+from consilience.compare.evidence import OTHER_LAW
 from consilience.compare.instant import Instants, compare_instant, compare_model, instants_at
 from consilience.compare.judge import REFERENCE, at_singular_pose, reference_motion_of
+from consilience.compare.other_laws import answer_under, cause_of
 from consilience.compare.power_of_bars import at_first_states, instants_at_first_states, with_power
 from consilience.compare.published import dispute, start_against_published
+from consilience.compare.reference_motion import OtherLaw, ReferenceMotion
 from consilience.compare.result import Comparison, Quantity, Verdict
+from consilience.compare.rules import OTHER_LAWS
 from consilience.compare.trajectory import compare_trajectory
 from consilience.engine import Method, ModelAnswer, Profile, Question, Run
 from consilience.mechanism import State, characteristic_length, first_singular, is_singular
@@ -90,6 +94,7 @@ class InstantJudge(QuestionJudge):
         compared = compare_instant(
             self.case.name, run.engine, method_of(run), run.answer, self.reference, self._instants(run), soft
         )
+        compared = self._under_its_law(run, compared)
         compared = with_power(compared, self.perturbed, lambda one: self._in_place_of(run, one))
         if run.engine == REFERENCE:
             compared = replace(compared, quantities=(*compared.quantities, *self.known))
@@ -98,6 +103,23 @@ class InstantJudge(QuestionJudge):
             return compared
         why = f"the reference is disputed: {disputed}"
         return replace(compared, verdict=Verdict.UNRESOLVED, rule="disputed reference", why=why)
+
+    def _under_its_law(self, run: Run, compared: Comparison) -> Comparison:
+        """Name the law of contact as the cause of a difference that the reference's answer with that law explains."""
+        method = method_of(run)
+        under = answer_under(method, self.references)
+        if compared.verdict is not Verdict.MODEL or under is None or method.law is None:
+            return compared
+        cause = cause_of(method.law, self.case.mechanism)
+        again = compare_instant(self.case.name, run.engine, method, run.answer, under.answer, self.instants)
+        off, rest = (
+            next(q.difference for q in one.quantities if q.name == "accelerations") for one in (compared, again)
+        )
+        if not cause or not rest <= OTHER_LAW * off:
+            return compared
+        verdict = next(verdict for name, verdict, _ in OTHER_LAWS if name == cause)
+        why = f"accelerations differ by {off:.2g}, and by {rest:.2g} from the reference's with {method.contact_law}"
+        return replace(compared, verdict=verdict, rule=cause, why=why)
 
     def _beside_singular_poses(self, run: Run) -> Comparison:
         """Compare at the states that are not at singular poses; if none of them decides, there is no verdict."""
@@ -143,15 +165,23 @@ class TrajectoryJudge(QuestionJudge):
         branch.
         """
         own = [run for run in levels if run is not self.references[0]]
-        earlier, mechanism = self._earlier(levels[0]), self.case.mechanism
-        compared = compare_trajectory(mechanism, own, self.reference_motion, softer, earlier)
+        earlier, mechanism, motion = self._earlier(levels[0]), self.case.mechanism, self._motion(method_of(levels[0]))
+        compared = compare_trajectory(mechanism, own, motion, softer, earlier)
         if compared.verdict in (Verdict.MODEL, Verdict.UNRESOLVED) and self._first_singular is not None:
-            before = replace(self.reference_motion, singular=self._first_singular)
+            before = replace(motion, singular=self._first_singular)
             compared = compare_trajectory(mechanism, own, before, softer, earlier)
             at = before.answer.time[self._first_singular]
             why = f"{compared.why}; a singular pose comes before {at:.3g} s, and nothing is judged behind it"
             compared = replace(compared, why=why)
         return compared if len(own) == len(levels) else replace(compared, quantities=self.known)
+
+    def _motion(self, method: Method) -> ReferenceMotion:
+        """Return the reference motion, with that under the law of contact of a method beside it."""
+        under = answer_under(method, self.references)
+        cause = "" if under is None or method.law is None else cause_of(method.law, self.case.mechanism)
+        if under is None or not cause:
+            return self.reference_motion
+        return replace(self.reference_motion, other_law=OtherLaw(cause, method.contact_law, under.answer))
 
     @cached_property
     def _first_singular(self) -> int | None:

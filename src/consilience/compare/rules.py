@@ -6,198 +6,25 @@ the rounding error of the horizon in `horizon`; the case gives the digits asked.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from consilience.compare.evidence import RESOLVED, Evidence
 from consilience.compare.power import LARGEST
 from consilience.compare.result import Verdict
-from consilience.compare.softness import EXPLAINED, Softness
-from consilience.compare.uncertainty import CAUTIOUS, ROUNDING, SAFE
+from consilience.compare.uncertainty import CAUTIOUS, ROUNDING
 
 FASTER = 1e3
 """Largest ratio of the relative difference of velocities to that of poses: an oscillating error a thousand times faster
 than the motion has this ratio."""
 
-LINEAR = 0.25
-"""Largest difference of the levels that show an order, as a share of the most that motions can differ: an eighth of a
-turn, up to which a chord is in proportion to its angle within 3 %."""
-
-SATURATED = 1.0
-"""Largest difference in proportion to its cause, in sizes of the motion or rad; of a larger one softness has to explain
-as much as of this."""
-
-CLEAN = 0.05
-"""Largest distance of the observed order from the declared one of levels that converge cleanly. Other levels need the
-safety factor of doubtful ones to blame a model."""
-
 JUMP = 1e9
 """Angle in rad by which the direction of a spring turns in a step from which on it jumps."""
-
-RESOLVED = 1.0
-"""Largest angle in rad by which the fastest mode may turn in a step: six steps in a period."""
 
 NO_POWER = "no power"
 """Name of the rule for comparisons that would have passed anything."""
 
 POWERLESS = f"an error of {100 * LARGEST:.0f} % in anything that acts would pass"
-
-
-@dataclass(frozen=True)
-class Evidence:
-    """Numbers by which a motion is judged; differences are to the reference, up to the horizon.
-
-    Attributes
-    ----------
-    asked : float
-        ``10^-digits`` of the case.
-    judged, duration : float, s
-        Time up to the horizon, and duration of the motion.
-    reference : float
-        Uncertainty of the reference.
-    dispute : str
-        Published value that contradicts the reference beyond both uncertainties; empty if none does.
-    finest : float
-        Difference of the finest level.
-    limit, band : float or None
-        Difference of the Richardson limit, and the uncertainty of the finest level; None without a ladder.
-    remains : float
-        Difference of the limit at the declared or the observed order, whichever is nearer to the reference.
-    saturation : float
-        Largest difference of the levels that show the order, as a share of the most that motions can differ.
-    spread : float
-        Largest difference of consecutive levels among the finest three that follow a fourth, or of levels that differ
-        by rounding; infinite otherwise.
-    order : float or None
-        Order observed among the levels.
-    declared : int or None
-    asymptotic : bool
-        Whether the levels converge with the declared order.
-    softness : Softness or None
-        None if the engine's constraints are hard.
-    hard_limit : float
-        Difference of the limit without softness and without steps; infinite if unknown.
-    step, rate, turning : float, s and rad/s
-        Finest step, zero for tolerances; fastest rate of the case; fastest turning of a spring's direction.
-    cut : str
-        Why no finer level was asked, in words; empty if the number of levels ended the ladder.
-    singular : bool
-        Whether judging ends at a singular pose.
-    earlier : str
-        Difference of the same engine at `model` or `instant`, in words; empty if there is none.
-    velocities : float
-        Relative difference of the velocities: of the finest level, or of the limit at order one if smaller, because a
-        method may have a lower order in velocities than in poses.
-    effect : float or None
-        Largest change of the reference for an error of a parameter, over the error; None if no parameter is known to
-        act.
-    """
-
-    asked: float
-    judged: float
-    duration: float
-    reference: float
-    finest: float
-    dispute: str = ""
-    limit: float | None = None
-    band: float | None = None
-    order: float | None = None
-    declared: int | None = None
-    asymptotic: bool = False
-    softness: Softness | None = None
-    earlier: str = ""
-    velocities: float = 0.0
-    remains: float = math.inf
-    saturation: float = 0.0
-    spread: float = math.inf
-    hard_limit: float = math.inf
-    step: float = 0.0
-    rate: float = 0.0
-    turning: float = 0.0
-    cut: str = ""
-    effect: float | None = None
-    singular: bool = False
-
-    @property
-    def allowed(self) -> float:
-        """Largest difference that counts as agreement."""
-        return self.asked + self.reference
-
-    @property
-    def largest_limit(self) -> float:
-        """Largest difference of a limit that passes: within the band, and no more than a quarter of the difference."""
-        assert self.band is not None
-        return max(min(self.band + self.reference, EXPLAINED * self.finest), self.allowed)
-
-    @property
-    def converges_here(self) -> bool:
-        """Whether levels far from saturation converge to the reference, and their limit explains the difference."""
-        if not self.asymptotic or self.limit is None or self.band is None or self.saturation > LINEAR:
-            return False
-        return self.limit <= max(self.band + self.reference, self.allowed) and self.remains <= self.largest_limit
-
-    @property
-    def converges_elsewhere(self) -> bool:
-        """Whether the limit of clean levels is beyond the band; of others, beyond the band of a doubtful ladder."""
-        if not self.asymptotic or self.limit is None or self.band is None or self.saturation > LINEAR:
-            return False
-        clean = self.order is not None and self.declared is not None and abs(self.order - self.declared) <= CLEAN
-        return self.limit > (1.0 if clean else CAUTIOUS / SAFE) * self.band + self.allowed
-
-    @property
-    def unresolved_rate(self) -> float:
-        """Rate that the finest step does not resolve, rad/s; zero if all are resolved.
-
-        Levels that converge with the declared order need not resolve a mode that has decayed; a spring whose direction
-        jumps within a step spoils any order.
-        """
-        rate = max(self.turning, 0.0 if self.asymptotic else self.rate)
-        return rate if self.step * rate > RESOLVED or self.damps(rate) else 0.0
-
-    def damps(self, rate: float) -> bool:
-        """Whether levels agree to rounding where errors ``(h w)^p`` a radian end a vibration within the motion."""
-        within = self.declared is not None and self.spread <= ROUNDING
-        return within and (self.step * rate) ** (self.declared or 1) * rate * self.judged > 1.0
-
-    @property
-    def softness_explains(self) -> bool:
-        """Whether the difference goes away with the softness of the engine."""
-        soft = self.softness
-        if soft is None or not soft.matters(self.finest):
-            return False
-        return soft.explains(min(self.finest, SATURATED), self.allowed, self.hard_limit)
-
-    @property
-    def passes(self) -> float:
-        """Largest difference of another model that would be passed over."""
-        if self.finest <= self.allowed:
-            return self.allowed
-        if self.converges_here:
-            return self.largest_limit
-        return max(self.allowed, EXPLAINED * min(self.finest, SATURATED)) if self.softness_explains else self.allowed
-
-    @property
-    def powerless(self) -> bool:
-        """Whether the largest error of any parameter that acts would be passed over."""
-        passed = self.finest <= self.allowed or self.converges_here or (not self.earlier and self.softness_explains)
-        return passed and self.effect is not None and self.effect * LARGEST <= self.passes
-
-    @property
-    def observed(self) -> str:
-        """Observed order, in words."""
-        return "hidden by rounding" if self.order is None else f"{self.order:.2f}"
-
-    @property
-    def until(self) -> str:
-        """Horizon in words; empty if the motion is judged to its end."""
-        return "" if self.judged >= self.duration else f" up to the horizon at {self.judged:.3g} s"
-
-    @property
-    def limit_text(self) -> str:
-        """Limit, band and order, in words."""
-        assert self.limit is not None
-        assert self.band is not None
-        return f"the limit differs by {self.limit:.2g}, band {self.band:.2g}, order {self.observed}"
 
 
 @dataclass(frozen=True)
@@ -238,6 +65,25 @@ def _not_asymptotic_text(e: Evidence) -> str:
     if e.limit is None:
         return f"differs by {e.finest:.2g} at a single level{e.cut}"
     return f"observed order {e.observed}, declared {e.declared}: not asymptotic at these steps{e.cut}"
+
+
+OTHER_LAWS = (
+    ("cone shape", Verdict.MODEL, "the friction cone"),
+    ("associated cone", Verdict.MODEL, "the convex law of friction"),
+    ("compliance", Verdict.REGULARISATION, "the compliance"),
+)
+"""Causes of a motion under another law of contact (`engine.Method.law`): rule, verdict, and what differs."""
+
+
+def _law_rule(cause: str, verdict: Verdict, what: str) -> Rule:
+    """Return the rule for a motion under another law of contact."""
+    return Rule(
+        cause,
+        verdict,
+        f"the motion is not that of the case's law of contact, but that of {what} which the method solves",
+        lambda e: e.law_cause == cause and e.explained_by_law,
+        lambda e: f"differs by {e.finest:.2g}, and by {e.off_law:.2g} from the reference's motion with {e.law}",
+    )
 
 
 RULES: tuple[Rule, ...] = (
@@ -304,6 +150,16 @@ RULES: tuple[Rule, ...] = (
         final=True,
     ),
     Rule(
+        "impacts within steps",
+        Verdict.DISCRETISATION,
+        "bodies hit one another, and the difference is within an envelope of the levels that shrinks with the step",
+        lambda e: e.within_envelope,
+        lambda e: (
+            f"differs by {e.finest:.2g}, levels with impacts by up to {e.envelope:.2g}: smaller steps lead closer"
+        ),
+    ),
+    *(_law_rule(*law) for law in OTHER_LAWS),
+    Rule(
         "earlier layer",
         Verdict.MODEL,
         "the engine already differs at `model` or `instant`, where nothing is integrated",
@@ -323,6 +179,22 @@ RULES: tuple[Rule, ...] = (
         "softness moves the answer by as much, but not to a limit at the reference",
         lambda e: e.softness is not None and e.softness.matters(e.finest),
         lambda e: f"differs by {e.finest:.2g}, and softness moves it without settling: harder constraints are needed",
+    ),
+    Rule(
+        "impacts elsewhere",
+        Verdict.MODEL,
+        "bodies hit one another, and the difference is beyond twice an envelope that shrinks with the step",
+        lambda e: e.impacts and e.envelope is not None and e.finest > 2.0 * e.envelope + e.allowed,
+        lambda e: f"differs by {e.finest:.2g}, levels with impacts by up to {e.envelope:.2g}: they lead elsewhere",
+    ),
+    Rule(
+        "impacts unclear",
+        Verdict.UNRESOLVED,
+        "bodies hit one another, and the levels show no envelope that shrinks with the step, or end too near to one",
+        lambda e: e.impacts and not (e.limit is None and not e.cut),
+        lambda e: (
+            f"differs by {e.finest:.2g}; bodies hit one another at any phase of a step, and the levels differ too much"
+        ),
     ),
     Rule(
         "no ladder",

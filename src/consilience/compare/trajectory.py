@@ -11,13 +11,14 @@ must not be taken for too coarse steps.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
 from consilience.compare import softness, uncertainty
-from consilience.compare.horizon import judged_samples
+from consilience.compare.evidence import Evidence
 from consilience.compare.motion import (
     OBSERVABLES,
     Scales,
@@ -31,9 +32,9 @@ from consilience.compare.motion import (
     size_of_motion,
     state_at,
 )
-from consilience.compare.power import MotionSensitivity
+from consilience.compare.reference_motion import ReferenceMotion
 from consilience.compare.result import Comparison, Level, Verdict, digits_of
-from consilience.compare.rules import NO_POWER, Evidence, decide
+from consilience.compare.rules import NO_POWER, decide
 from consilience.engine import Question, Run, TrajectoryAnswer
 from consilience.mechanism import Array, Mechanism, fastest_rate, turning_rate
 
@@ -53,44 +54,6 @@ def reference_spread(mechanism: Mechanism, answers: Sequence[TrajectoryAnswer]) 
     return float(spread_over_time(mechanism, answers)[-1])
 
 
-@dataclass(frozen=True, eq=False)
-class ReferenceMotion:
-    """Reference motion of a case with its uncertainty and horizon.
-
-    Attributes
-    ----------
-    answer : TrajectoryAnswer
-    spread : ndarray, shape (n_t,)
-        Uncertainty up to each sample: the spread over formulations, integrators and tolerances.
-    digits : int
-        Digits the case asks.
-    growth : ndarray, shape (n_t,), or None
-        Growth of perturbations (`horizon.growth`); None if unknown: then there is no horizon.
-    dispute : str
-        Published value that contradicts the reference beyond both uncertainties; empty if none does.
-    sensitivities : tuple of MotionSensitivity
-        Of the parameters that act, one of each kind; none if unknown.
-    singular : int or None
-        First sample at or behind a singular pose, at which judging ends; None if the motion is judged behind as well.
-    """
-
-    answer: TrajectoryAnswer
-    spread: Array
-    digits: int
-    growth: Array | None = field(default=None)
-    dispute: str = ""
-    sensitivities: tuple[MotionSensitivity, ...] = ()
-    singular: int | None = None
-
-    @property
-    def judged(self) -> int:
-        """Number of samples before the horizon, and before a singular pose."""
-        most = len(self.answer.time) if self.singular is None else self.singular
-        if self.growth is None:
-            return most
-        return min(most, judged_samples(self.growth, self.spread, self.digits))
-
-
 @dataclass(frozen=True)
 class _Ladder:
     """Orders of the levels against the reference and among themselves; band of the finest level; Richardson limit."""
@@ -102,6 +65,7 @@ class _Ladder:
     remains: float = np.inf
     saturation: float = 0.0
     spread: float = np.inf
+    envelope: float | None = None
     declared: int | None = None
 
     @property
@@ -141,6 +105,7 @@ class _Levels:
             limit=self._off(self._limit(declared)),
             saturation=max(saturation(a, b, size, judged) for a, b in pairwise(chain)),
             spread=_spread([float(np.max(change)) for change in changes]),
+            envelope=uncertainty.envelope([float(np.max(change)) for change in changes], self.steps),
             declared=declared,
         )
         band = uncertainty.band(float(np.max(changes[-1])), found.settled, declared, ratio, 0.0)
@@ -181,6 +146,9 @@ class _Levels:
             spread=ladder.spread,
             hard_limit=hard_limit,
             cut=self._cut(),
+            impacts=bool(np.any(self.reference_motion.impacts <= time[last])),
+            envelope=ladder.envelope,
+            **self._other_law(),
         )
         return found if found.finest <= found.allowed or found.converges_here else self._with_rates(found)
 
@@ -210,11 +178,23 @@ class _Levels:
         if len(steps) == 2 and steps[0] and steps[1] and steps[0] > steps[1]:
             candidates.append(extrapolated(self.answers[-2], self.answers[-1], steps[1] / (steps[0] - steps[1])))
 
+        near = 2.0 * (self.steps[-1] or 0.0)  # a velocity jumps at an impact, which a level has a step earlier or later
+        times = self.reference.time[: self.judged, None]
+        smooth = np.all(np.abs(times - self.reference_motion.impacts) > near, axis=1)
+
         def largest(motion: TrajectoryAnswer) -> float:
             found = [OBSERVABLES[n](motion, self.reference, self.scales) for n in ("velocity", "angular velocity")]
-            return max(float(np.max(difference[: self.judged], initial=0.0)) for difference in found)
+            return max(float(np.max(difference[: self.judged][smooth], initial=0.0)) for difference in found)
 
         return min(map(largest, candidates))
+
+    def _other_law(self) -> dict[str, Any]:
+        """Return the law of contact that the method solves, and the difference of the finest level to its motion."""
+        other = self.reference_motion.other_law
+        if other is None:
+            return {}
+        off = difference_over_time(self.answers[-1], other.answer, self.scales.size)[: self.judged]
+        return {"law": other.name, "law_cause": other.cause, "off_law": float(np.max(off, initial=0.0))}
 
     def _dependence(self, softer: Sequence[Run]) -> tuple[softness.Softness | None, float]:
         """Return the dependence on softness, and the difference of the limit without softness and steps.
@@ -338,7 +318,7 @@ class Prospect:
         if rule.name == NO_POWER:
             return cls(False, True)  # a finer level has a narrower band
         if rule.verdict is not Verdict.DISCRETISATION:
-            return cls(rule.final, rule.name == "wide band", evidence.unresolved_rate)
+            return cls(rule.final, rule.name in ("wide band", "impacts unclear"), evidence.unresolved_rate)
         assert evidence.declared is not None
         near = evidence.finest / uncertainty.ratio_of(levels.steps) ** evidence.declared <= evidence.allowed
         return cls(not near, near)

@@ -20,12 +20,13 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from consilience.case import Case
 from consilience.compare import Comparison, ReferenceMotion
-from consilience.compare.judge import REFERENCE, judge_case, reference_motion
+from consilience.compare.judge import REFERENCE, judge_case, reference_motion, under_other_law
 from consilience.engine import EngineInfo, Profile, Question, Run, Status, TrajectoryAnswer
 from consilience.engine.worker.client import MEMORY, InProcessEngine, Request, Worker, WorkerHandle
 from consilience.errors import ConsilienceError, InvalidInput, require
 from consilience.suite.dense import densely_sampled, finest_motion
 from consilience.suite.engine_runs import FULL, Thoroughness, ask_case
+from consilience.suite.other_laws import runs_under_other_laws
 from consilience.suite.store import Store
 from consilience.suite.warm_up import compiled, compiled_beside
 
@@ -168,6 +169,8 @@ class _Suite:
         case, info = results.cases[number], results.engines[name]
         motion = self._reference_motions.get(number)
         runs = list(ask_case(worker, case, results.questions, self.thoroughness, self.store, info, motion))
+        if name != REFERENCE and REFERENCE in self.workers:
+            runs += runs_under_other_laws(self.workers[REFERENCE], case, runs, self.store)
         if name == REFERENCE and self.thoroughness.closer:
             self._reference_motions[number] = reference_motion(case, runs)
         if name == REFERENCE and any(run.question == Question.TRAJECTORY and run.answer is not None for run in runs):
@@ -264,7 +267,8 @@ def run_suite(
     for number, case in enumerate(cases):
         results.comparisons += judged[number] if number in judged else _judged(case, names, number, found)
     results.runs = [run for name in names for n in range(len(cases)) for run in found.get((name, n), [])]
-    results.runs = [run for run in results.runs if run.perturbation is None]  # their use is the power of comparisons
+    # the use of the others is the power of comparisons, and their cause
+    results.runs = [run for run in results.runs if run.perturbation is None and not under_other_law(run)]
     results.engines = {name: results.engines[name] for name in names if name in results.engines}
     return results
 

@@ -1,0 +1,221 @@
+"""Evidence of a motion: the numbers by which the rules of the verdicts decide, and what follows from them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from consilience.compare.power import LARGEST
+from consilience.compare.softness import EXPLAINED, Softness
+from consilience.compare.uncertainty import CAUTIOUS, ROUNDING, SAFE
+
+LINEAR = 0.25
+"""Largest difference of the levels that show an order, as a share of the most that motions can differ: an eighth of a
+turn, up to which a chord is in proportion to its angle within 3 %."""
+
+SATURATED = 1.0
+"""Largest difference in proportion to its cause, in sizes of the motion or rad; of a larger one softness has to explain
+as much as of this."""
+
+CLEAN = 0.05
+"""Largest distance of the observed order from the declared one of levels that converge cleanly. Other levels need the
+safety factor of doubtful ones to blame a model."""
+
+RESOLVED = 1.0
+"""Largest angle in rad by which the fastest mode may turn in a step: six steps in a period."""
+
+OTHER_LAW = 0.05
+"""Largest difference to the motion under another law of contact, over that to the motion under the case's law, that
+leaves no doubt which law was solved."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Numbers by which a motion is judged; differences are to the reference, up to the horizon.
+
+    Attributes
+    ----------
+    asked : float
+        ``10^-digits`` of the case.
+    judged, duration : float, s
+        Time up to the horizon, and duration of the motion.
+    reference : float
+        Uncertainty of the reference.
+    dispute : str
+        Published value that contradicts the reference beyond both uncertainties; empty if none does.
+    finest : float
+        Difference of the finest level.
+    limit, band : float or None
+        Difference of the Richardson limit, and the uncertainty of the finest level; None without a ladder.
+    remains : float
+        Difference of the limit at the declared or the observed order, whichever is nearer to the reference.
+    saturation : float
+        Largest difference of the levels that show the order, as a share of the most that motions can differ.
+    spread : float
+        Largest difference of consecutive levels among the finest three that follow a fourth, or of levels that differ
+        by rounding; infinite otherwise.
+    order : float or None
+        Order observed among the levels.
+    declared : int or None
+    asymptotic : bool
+        Whether the levels converge with the declared order.
+    softness : Softness or None
+        None if the engine's constraints are hard.
+    hard_limit : float
+        Difference of the limit without softness and without steps; infinite if unknown.
+    step, rate, turning : float, s and rad/s
+        Finest step, zero for tolerances; fastest rate of the case; fastest turning of a spring's direction.
+    cut : str
+        Why no finer level was asked, in words; empty if the number of levels ended the ladder.
+    singular : bool
+        Whether judging ends at a singular pose.
+    earlier : str
+        Difference of the same engine at `model` or `instant`, in words; empty if there is none.
+    impacts : bool
+        Whether bodies hit one another before the horizon: where in a step is a matter of chance.
+    envelope : float or None
+        Largest error of the finest level if errors are below a multiple of the step, see `uncertainty.envelope`; None
+        where the levels do not shrink with the step.
+    law, law_cause : str
+        Law of contact that the method solves in place of the case's, in words, and what it changes; empty if it is the
+        case's, or the reference has no motion under it.
+    off_law : float
+        Difference of the finest level to the reference's motion under that law.
+    velocities : float
+        Relative difference of the velocities: of the finest level, or of the limit at order one if smaller, because a
+        method may have a lower order in velocities than in poses.
+    effect : float or None
+        Largest change of the reference for an error of a parameter, over the error; None if no parameter is known to
+        act.
+    """
+
+    asked: float
+    judged: float
+    duration: float
+    reference: float
+    finest: float
+    dispute: str = ""
+    limit: float | None = None
+    band: float | None = None
+    order: float | None = None
+    declared: int | None = None
+    asymptotic: bool = False
+    softness: Softness | None = None
+    earlier: str = ""
+    velocities: float = 0.0
+    remains: float = math.inf
+    saturation: float = 0.0
+    spread: float = math.inf
+    hard_limit: float = math.inf
+    step: float = 0.0
+    rate: float = 0.0
+    turning: float = 0.0
+    cut: str = ""
+    effect: float | None = None
+    singular: bool = False
+    impacts: bool = False
+    envelope: float | None = None
+    law: str = ""
+    law_cause: str = ""
+    off_law: float = math.inf
+
+    @property
+    def allowed(self) -> float:
+        """Largest difference that counts as agreement."""
+        return self.asked + self.reference
+
+    @property
+    def largest_limit(self) -> float:
+        """Largest difference of a limit that passes: within the band, and no more than a quarter of the difference."""
+        assert self.band is not None
+        return max(min(self.band + self.reference, EXPLAINED * self.finest), self.allowed)
+
+    @property
+    def converges_here(self) -> bool:
+        """Whether levels far from saturation converge to the reference, and their limit explains the difference."""
+        if self.impacts or not self.asymptotic or self.limit is None or self.band is None or self.saturation > LINEAR:
+            return False
+        return self.limit <= max(self.band + self.reference, self.allowed) and self.remains <= self.largest_limit
+
+    @property
+    def converges_elsewhere(self) -> bool:
+        """Whether the limit of clean levels is beyond the band; of others, beyond the band of a doubtful ladder."""
+        if not self.asymptotic or self.limit is None or self.band is None or self.saturation > LINEAR:
+            return False
+        clean = self.order is not None and self.declared is not None and abs(self.order - self.declared) <= CLEAN
+        return self.limit > (1.0 if clean else CAUTIOUS / SAFE) * self.band + self.allowed
+
+    @property
+    def within_envelope(self) -> bool:
+        """Whether impacts at any phase of a step explain the difference, by levels far from saturation."""
+        if not self.impacts or self.envelope is None or self.saturation > LINEAR:
+            return False
+        return self.finest <= self.envelope + self.allowed
+
+    @property
+    def explained_by_law(self) -> bool:
+        """Whether the motion is that of the law of contact which the method solves, and not that of the case's law."""
+        return bool(self.law_cause) and self.off_law <= max(OTHER_LAW * self.finest, self.allowed)
+
+    @property
+    def unresolved_rate(self) -> float:
+        """Rate that the finest step does not resolve, rad/s; zero if all are resolved.
+
+        Levels that converge with the declared order need not resolve a mode that has decayed; a spring whose direction
+        jumps within a step spoils any order.
+        """
+        rate = max(self.turning, 0.0 if self.asymptotic else self.rate)
+        return rate if self.step * rate > RESOLVED or self.damps(rate) else 0.0
+
+    def damps(self, rate: float) -> bool:
+        """Whether levels agree to rounding where errors ``(h w)^p`` a radian end a vibration within the motion."""
+        within = self.declared is not None and self.spread <= ROUNDING
+        return within and (self.step * rate) ** (self.declared or 1) * rate * self.judged > 1.0
+
+    @property
+    def softness_explains(self) -> bool:
+        """Whether the difference goes away with the softness of the engine."""
+        soft = self.softness
+        if soft is None or not soft.matters(self.finest):
+            return False
+        return soft.explains(min(self.finest, SATURATED), self.allowed, self.hard_limit)
+
+    @property
+    def passes(self) -> float:
+        """Largest difference of another model that would be passed over."""
+        if self.finest <= self.allowed:
+            return self.allowed
+        if self.converges_here:
+            return self.largest_limit
+        if self.within_envelope:
+            assert self.envelope is not None
+            return self.envelope + self.allowed
+        return max(self.allowed, EXPLAINED * min(self.finest, SATURATED)) if self.softness_explains else self.allowed
+
+    @property
+    def powerless(self) -> bool:
+        """Whether the largest error of any parameter that acts would be passed over."""
+        passed = (
+            self.finest <= self.allowed
+            or self.converges_here
+            or self.within_envelope
+            or (not self.earlier and self.softness_explains)
+        )
+        return passed and self.effect is not None and self.effect * LARGEST <= self.passes
+
+    @property
+    def observed(self) -> str:
+        """Observed order, in words."""
+        return "hidden by rounding" if self.order is None else f"{self.order:.2f}"
+
+    @property
+    def until(self) -> str:
+        """Horizon in words; empty if the motion is judged to its end."""
+        return "" if self.judged >= self.duration else f" up to the horizon at {self.judged:.3g} s"
+
+    @property
+    def limit_text(self) -> str:
+        """Limit, band and order, in words."""
+        assert self.limit is not None
+        assert self.band is not None
+        return f"the limit differs by {self.limit:.2g}, band {self.band:.2g}, order {self.observed}"

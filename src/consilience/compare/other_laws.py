@@ -1,0 +1,30 @@
+"""Other laws of contact: which answer of the reference was computed with the law that a method of an engine solves.
+
+An engine whose law of contact is not that of the case declares its law (`engine.Method.law`), and the reference is
+asked again with the law of the engine. A difference that this answer does not have is the law's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from consilience.engine import Method, Run
+from consilience.mechanism import ContactLaw, Mechanism
+
+
+def cause_of(law: ContactLaw, mechanism: Mechanism) -> str:
+    """Return what a law changes for a mechanism, by the name of a rule (`rules.OTHER_LAWS`); empty for nothing."""
+    rough = [contact for contact in mechanism.contacts if contact.friction > 0.0]
+    changes = {
+        "associated cone": law.associated and any(not contact.associated for contact in rough),
+        "cone shape": law.cone is not None and any(contact.cone != law.cone for contact in rough),
+        "compliance": law.compliance is not None,
+    }
+    return next((cause for cause, changed in changes.items() if changed), "")
+
+
+def answer_under(method: Method, references: Sequence[Run]) -> Run | None:
+    """Return the answered run of the reference with the law that a method solves; None if there is none."""
+    if method.law is None:
+        return None
+    return next((run for run in references if run.method is not None and run.method.law == method.law), None)

@@ -1,0 +1,79 @@
+"""Reference motion of a case: the yardstick of motions, with its uncertainty, horizon, impacts and sensitivities."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from consilience.compare.horizon import judged_samples
+from consilience.compare.power import MotionSensitivity
+from consilience.engine import EVENT_KINDS, TrajectoryAnswer
+from consilience.mechanism import Array
+
+IMPACT = EVENT_KINDS.index("impact")
+
+
+@dataclass(frozen=True, eq=False)
+class OtherLaw:
+    """Motion of the reference under a law of contact that is not the case's.
+
+    Attributes
+    ----------
+    cause : str
+        What the law changes, the name of a rule (`rules.OTHER_LAWS`).
+    name : str
+        The law in words.
+    answer : TrajectoryAnswer
+    """
+
+    cause: str
+    name: str
+    answer: TrajectoryAnswer
+
+
+@dataclass(frozen=True, eq=False)
+class ReferenceMotion:
+    """Reference motion of a case with its uncertainty and horizon.
+
+    Attributes
+    ----------
+    answer : TrajectoryAnswer
+    spread : ndarray, shape (n_t,)
+        Uncertainty up to each sample: the spread over formulations, integrators and tolerances.
+    digits : int
+        Digits the case asks.
+    growth : ndarray, shape (n_t,), or None
+        Growth of perturbations (`horizon.growth`); None if unknown: then there is no horizon.
+    dispute : str
+        Published value that contradicts the reference beyond both uncertainties; empty if none does.
+    sensitivities : tuple of MotionSensitivity
+        Of the parameters that act, one of each kind; none if unknown.
+    singular : int or None
+        First sample at or behind a singular pose, at which judging ends; None if the motion is judged behind as well.
+    other_law : OtherLaw or None
+        Motion under the law of contact that the method solves; None if the method solves that of the case.
+    """
+
+    answer: TrajectoryAnswer
+    spread: Array
+    digits: int
+    growth: Array | None = field(default=None)
+    dispute: str = ""
+    sensitivities: tuple[MotionSensitivity, ...] = ()
+    singular: int | None = None
+    other_law: OtherLaw | None = None
+
+    @property
+    def impacts(self) -> Array:
+        """Times at which bodies hit one another, s."""
+        kinds, times = self.answer.event_kind, self.answer.event_time
+        return np.zeros(0) if kinds is None or times is None else np.asarray(times)[np.asarray(kinds) == IMPACT]
+
+    @property
+    def judged(self) -> int:
+        """Number of samples before the horizon, and before a singular pose."""
+        most = len(self.answer.time) if self.singular is None else self.singular
+        if self.growth is None:
+            return most
+        return min(most, judged_samples(self.growth, self.spread, self.digits))

@@ -1,0 +1,61 @@
+"""Answers of the reference about mechanisms with the laws of contact that the methods of an engine solve."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import fields, replace
+from typing import Any
+
+from consilience.case import Case
+from consilience.compare.judge import REFERENCE
+from consilience.engine import Question, Run, Status
+from consilience.engine.worker.client import EngineHandle
+from consilience.engine.worker.requests import Plan, Request
+from consilience.mechanism import ContactLaw, Mechanism
+from consilience.suite.engine_runs import EngineCase, levels_of
+from consilience.suite.store import Store
+
+
+def with_law(mechanism: Mechanism, law: ContactLaw) -> Mechanism:
+    """Return the mechanism whose contacts have another law; cones are those of contacts with friction alone."""
+    given: dict[str, Any] = {field.name: getattr(law, field.name) for field in fields(law)}
+    given = {name: value for name, value in given.items() if value is not None}
+    of_friction = {name: given.pop(name) for name in ("cone", "associated") if name in given}
+    if "compliance" in given:
+        given["restitution"] = 0.0
+    contacts = (replace(c, **given, **(of_friction if c.friction > 0.0 else {})) for c in mechanism.contacts)
+    return replace(mechanism, contacts=tuple(contacts))
+
+
+def runs_under_other_laws(
+    reference: EngineHandle, case: Case, runs: Sequence[Run], store: Store | None = None
+) -> Iterator[Run]:
+    """Ask the reference again with each law of contact that a method of an engine declares.
+
+    Parameters
+    ----------
+    reference : EngineHandle
+    case : Case
+    runs : sequence of Run
+        Answered and other runs of the engine.
+    store : Store, optional
+        Store of answers.
+    """
+    answered = [run for run in runs if run.status is Status.ANSWERED and run.method is not None]
+    asked: list[tuple[Question, ContactLaw]] = []
+    for run in answered:
+        law = run.method.law if run.method is not None else None
+        if law is not None and run.question is not Question.MODEL and (run.question, law) not in asked:
+            asked.append((run.question, law))
+    plan = reference.ask(Request(case.mechanism)).value if asked else None
+    if not isinstance(plan, Plan):
+        return
+    for question, law in asked:
+        method = replace(plan.methods[question][0], law=law)
+        subject = with_law(case.mechanism, law), case.states if question.at_states else [case.initial_state]
+        levels = levels_of(case, question, method)
+        run = EngineCase(reference, case, plan, store=store).once(
+            question, method, len(levels) - 1, levels[-1], subject
+        )
+        if run.status is Status.ANSWERED:
+            yield replace(run, engine=REFERENCE)
