@@ -21,6 +21,9 @@ AT_REST = 1e-9
 """Velocity in m/s or rad/s below which a contact sticks; the same of a coordinate with dry friction."""
 
 _RANK = 1e-10
+_DEAR = 1e3
+"""Weight of friction in the least norm of undetermined forces: normal forces that hold one another need less of it."""
+
 _PULL = 1e-9
 """Force that pulls, over the largest force, above which a contact is opened."""
 
@@ -151,13 +154,14 @@ def _joint_efforts(mechanism: Mechanism, state: State) -> tuple[Array, list[_Act
 
 
 def _solve(equations: Equations, f: Array, active: Sequence[_Active]) -> tuple[Array, Array, list[Array]]:
-    """Solve with all active rows; dependent rows have multipliers of least norm."""
+    """Solve with all active rows; undetermined multipliers have the least norm, with friction `_DEAR`."""
     J, M = equations.J, equations.M
     S = np.vstack([J, *(one.rows for one in active)])
     C = np.vstack([J, *(one.columns for one in active)])
     rhs = np.concatenate([equations.gamma, *(one.rhs for one in active)])
     free = np.linalg.solve(M, f)
-    x = np.linalg.lstsq(S @ np.linalg.solve(M, C.T), rhs - S @ free, rcond=_RANK)[0]
+    cost = np.concatenate([np.ones(len(J)), *(np.array([1.0, _DEAR, _DEAR])[: len(one.rhs)] for one in active)])
+    x = np.linalg.lstsq(S @ np.linalg.solve(M, C.T) / cost, rhs - S @ free, rcond=_RANK)[0] / cost
     ends = np.cumsum([len(J), *(len(one.rhs) for one in active)])
     return free + np.linalg.solve(M, C.T @ x), x[: len(J)], np.split(x, ends)[1:-1]
 

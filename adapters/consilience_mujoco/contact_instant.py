@@ -62,8 +62,9 @@ _PASSES, _NEWTON = 20, 12
 _SETTLED, _ACCEPTED = 1e-13, 1e-8
 """Gap accelerations, over the largest acceleration of the contacts, at which Newton's method ends, and is refused."""
 
-_ON_CONE = 1e-9
-"""Relative distance to the cone at which a contact starts to slide."""
+_ON_CONE, _MOVES = 1e-9, 1e-5
+"""Relative distance to the cone, and acceleration over the largest one, at which a contact starts to slide: of several
+contacts that stick together one may be on its cone and stay."""
 
 
 @dataclass(eq=False)
@@ -278,8 +279,12 @@ class ContactInstant:
         mu = c.touch.part.friction
         if mu == 0.0:
             return False
-        normal, *tangents = self.translation.data.efc_force[c.place : c.place + 3]
-        return bool(normal > 0.0 and np.linalg.norm(tangents) >= mu * normal * (1.0 - _ON_CONE))
+        data = self.translation.data
+        normal, *tangents = data.efc_force[c.place : c.place + 3]
+        if normal <= 0.0 or np.linalg.norm(tangents) < mu * normal * (1.0 - _ON_CONE):
+            return False
+        across = np.cross(c.normal, c.J @ data.qacc + c.gamma)
+        return bool(np.linalg.norm(across) > _MOVES * max(1.0, float(np.max(np.abs(data.qacc)))))
 
     def _check_opened(self) -> None:
         """Refuse a solution in which an opened contact would close again, or one slides against its acceleration."""

@@ -50,6 +50,9 @@ _LINE_SEARCH = 200
 _NEWTON_STEPS = 50
 """Iterations of MuJoCo's Newton solver."""
 
+_NEWTON_SCALE = 1e-5
+"""Factor on inverse inertias of drives and couplings beside friction: by 2e-11 Newton's method loses their forces."""
+
 _CIRCLE = "circle; rigid and Coulomb's in the limit of small steps"
 _PYRAMID = (
     "pyramid of 4 facets, inscribed, associated and soft; the first tangent is the projection of the world's y, or of "
@@ -77,8 +80,9 @@ def refused(mechanism: Mechanism) -> Iterator[Unsupported]:
 def _settings(mechanism: Mechanism, equalities: Equalities) -> dict[str, Any]:
     flags = [flag for flag in OPTIONS["opt.disableflags"] if flag != "CONTACT"]
     held = equalities.welds + equalities.joints + equalities.guides
-    line_search = {"opt.ls_iterations": _LINE_SEARCH}
-    settings = OPTIONS | line_search | {"opt.disableflags": flags} | (hard(equalities) if held else {})
+    settings = OPTIONS | {"opt.disableflags": flags} | (hard(equalities) if held else {})
+    if by_newton(mechanism, equalities):
+        settings |= {"opt.solver": "NEWTON", "opt.tolerance": 0.0, "opt.ls_iterations": _LINE_SEARCH}
     if mechanism.contacts:
         settings |= {"opt.cone": "ELLIPTIC", "pair_solimp": _IMPEDANCES}
     if mechanism.stops:
@@ -86,8 +90,21 @@ def _settings(mechanism: Mechanism, equalities: Equalities) -> dict[str, Any]:
     if mechanism.dry_frictions:
         settings |= {"dof_solimp": _IMPEDANCES}
     if mechanism.stops or mechanism.dry_frictions:
-        settings |= {"dof_invweight0, factor": INVWEIGHT_SCALE if equalities.joints else HARD}
+        settings |= {"dof_invweight0, factor": HARD}
+    if held and by_newton(mechanism, equalities):
+        settings |= {
+            name: _NEWTON_SCALE for name in ("dof_invweight0, factor", "tendon_invweight0, factor") if name in settings
+        }
+    elif equalities.joints:
+        settings |= {"dof_invweight0, factor": INVWEIGHT_SCALE}
     return settings
+
+
+def by_newton(mechanism: Mechanism, equalities: Equalities) -> bool:
+    """Whether MuJoCo solves by Newton's method: CG stops early beside friction, Newton's loses the forces of loops."""
+    rough = mechanism.dry_frictions or any(contact.friction > 0.0 for contact in mechanism.contacts)
+    held = equalities.joints + equalities.guides
+    return not equalities.welds and bool(rough or not held)
 
 
 def _model(settings: dict[str, Any], law: str) -> Method:
@@ -96,17 +113,12 @@ def _model(settings: dict[str, Any], law: str) -> Method:
 
 
 def _instant(settings: dict[str, Any], law: str) -> Method:
-    held = "opt.solver" in settings  # by CG where equalities are hard: MuJoCo's default, Newton, loses their forces
-    solver = {"opt.tolerance": 0.0, "opt.iterations": AT_AN_INSTANT if held else _NEWTON_STEPS}
-    settings = (
-        settings
-        | solver
-        | {
-            "pair_margin, jnt_margin": "positive for what is closed",
-            "body_invweight0 of contacts": f"times {HARD:g} where they stick, {SOFT:g} where they slide",
-            "mjcb_control": "efc_aref",
-        }
-    )
+    settings = settings | {
+        "opt.iterations": AT_AN_INSTANT if settings["opt.solver"] == "CG" else _NEWTON_STEPS,
+        "pair_margin, jnt_margin": "positive for what is closed",
+        "body_invweight0 of contacts": f"times {HARD:g} where they stick, {SOFT:g} where they slide",
+        "mjcb_control": "efc_aref",
+    }
     return Method("mj_forward", Route.TUNED, settings=settings, contact_law=law)
 
 
@@ -122,12 +134,8 @@ def _gains(mechanism: Mechanism, restitution: bool) -> dict[str, Any]:
 
 def _motions(mechanism: Mechanism, settings: dict[str, Any], equalities: Equalities, law: str) -> Iterator[Method]:
     """Return the methods for a motion."""
-    held = equalities.welds + equalities.joints + equalities.guides
-    solver = (
-        {"opt.iterations": iterations(equalities)}
-        if held
-        else {"opt.tolerance": 1e-20, "opt.iterations": _NEWTON_STEPS}
-    )
+    quick = {"opt.tolerance": 1e-20, "opt.iterations": _NEWTON_STEPS}
+    solver = {"opt.iterations": iterations(equalities)} if settings["opt.solver"] == "CG" else quick
     bounces = any(element.restitution > 0.0 for element in (*mechanism.contacts, *mechanism.stops))
     settings = settings | solver | {"opt.integrator": "RK4"} | _gains(mechanism, bounces)
     if mechanism.contacts:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from consilience.engine import Question, Route, defects
-from consilience.mechanism import GROUND, DiscPlane, Initial, PointPlane, SphereSphere, initial_state
+from consilience.mechanism import GROUND, DiscPlane, Initial, PointPlane, SpherePlane, SphereSphere, initial_state
 from contact_problems import LEVEL, G, Lab, fallen_rod, incline, pendulum, stacked
 
 pytest.importorskip("exudyn")
@@ -105,6 +105,20 @@ def test_a_ball_slides_on_a_ball():
     force = 2.0 * (G * n[2] - v @ v / 0.6) * (n - 0.3 * u / np.linalg.norm(u))
     found = instant(mechanism, LAB.state(0.6 * n, v, w))
     close(found, (force / 2.0 + LEVEL, np.cross(-0.1 * n, force) / 0.008, force), 1e-6)
+
+
+def test_a_ball_at_rest_in_a_trough_sticks_where_some_forces_hold_it():
+    """Walls at 45 deg, the trough inclined by 20 deg: it rolls with ``g sin a / 1.8``, although the forces of
+    least norm leave the cones of friction."""
+    walls = [
+        SpherePlane(f"wall {n}", "body", LAB.com, 0.1, GROUND, LAB.origin, LAB.axes @ [0.0, side, 1.0], friction=0.5)
+        for n, side in enumerate((1.0, -1.0))
+    ]
+    mechanism = LAB.free_body(2.0, BALL, incline(20), walls)
+    found = instant(mechanism, LAB.state([0, 0, 0.1 * np.sqrt(2.0)], [0, 0, 0]))
+    total = found[2].sum(axis=0)
+    truth = [1.86400978112489, 0.0, 0.0], [-2.98241564979983, 0.0, 18.4367692198195]
+    close((found[0], total), truth, 1e-9)
 
 
 def test_what_starts_to_slide_is_refused():

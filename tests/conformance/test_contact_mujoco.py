@@ -12,6 +12,7 @@ from consilience.mechanism import (
     CapsulePlane,
     DiscPlane,
     Initial,
+    SpherePlane,
     SphereSphere,
     initial_state,
     rotation_with_z_axis,
@@ -139,6 +140,20 @@ def test_a_ball_on_a_ball_rolls_off():
     a, _, force = instant(mechanism, LAB.state((R + r) * n, [0, 0, 0]))
     truth = 5.0 / 7.0 * G * np.sin(th) * t, 2.0 * G * (np.cos(th) * n - 2.0 / 7.0 * np.sin(th) * t)
     close((a, force), truth, 1e-11)
+
+
+def test_a_ball_at_rest_in_a_trough_sticks_where_some_forces_hold_it():
+    """Walls at 45 deg, the trough inclined by 20 deg: it rolls with ``g sin a / 1.8``, although the forces of
+    least norm leave the cones of friction."""
+    walls = [
+        SpherePlane(f"wall {n}", "body", LAB.com, 0.1, GROUND, LAB.origin, LAB.axes @ [0.0, side, 1.0], friction=0.5)
+        for n, side in enumerate((1.0, -1.0))
+    ]
+    mechanism = LAB.free_body(2.0, BALL, incline(20), walls)
+    found = instant(mechanism, LAB.state([0, 0, 0.1 * np.sqrt(2.0)], [0, 0, 0]))
+    total = found[2].sum(axis=0)
+    truth = [1.86400978112489, 0.0, 0.0], [-2.98241564979983, 0.0, 18.4367692198195]
+    close((found[0], total), truth, 1e-9)
 
 
 def test_an_instant_of_an_impact_is_refused():
