@@ -112,17 +112,19 @@ def test_an_instant_at_a_singular_pose_is_unresolved_whatever_is_answered():
         assert "mobility 2 at the pose, 1 on each of two branches" in found.why
 
 
-def test_an_instant_at_a_singular_pose_is_unresolved_where_the_reference_has_no_answer():
+@pytest.mark.parametrize("question", [Question.INSTANT, Question.TRAJECTORY])
+def test_a_singular_pose_is_unresolved_where_the_reference_has_no_answer(question):
     """Velocities that lead along no branch have no accelerations: that is no failure of the reference."""
     case = case_of(FOLDED_RHOMBUS)
-    truth = accelerations(case.mechanism, case.states)
-    failed = Run("c", REFERENCE, Question.INSTANT, METHOD, 0, None, Status.FAILED, reason="no accelerations")
-    answered = Run("c", "e", Question.INSTANT, METHOD, 0, None, Status.ANSWERED, truth)
+    failed = Run("c", REFERENCE, question, METHOD, 0, None, Status.FAILED, reason="no accelerations")
+    answered = Run("c", "e", question, METHOD, 0, None, Status.ANSWERED)
     died = replace(failed, engine="d")
     found = {c.engine: c for c in judge_case(case, [failed, answered, died])}
     assert {found[name].rule for name in (REFERENCE, "e")} == {"singular pose"}
     assert {found[name].verdict for name in (REFERENCE, "e")} == {Verdict.UNRESOLVED}
     assert found["d"].verdict is Verdict.FAILED
+    locks = replace(case_of(platform(0.8)), instants=3)  # its random states lead nowhere
+    assert judge_case(locks, [failed])[0].rule == ("singular pose" if question is Question.TRAJECTORY else "")
     regular = case_of(four_bar_of([(0.0, 0.0), (0.1, 0.3), (0.6, 0.3), (0.5, 0.0)]))
     assert judge_case(regular, [failed])[0].verdict is Verdict.FAILED
 

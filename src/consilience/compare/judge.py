@@ -209,22 +209,27 @@ _WITHOUT_ANSWER = {
 def _without_answer(case: Case, group: Sequence[Run]) -> Comparison:
     """Return the comparison of a group without answers, or without a reference.
 
-    A motion that fails at steps at which no method need be stable is unresolved; so are instants that the reference
-    does not answer at singular poses.
+    A motion that fails at steps at which no method need be stable is unresolved; so are instants, and motions from
+    there, that the reference does not answer at singular poses.
     """
     run = next((run for run in group if run.status is not Status.ANSWERED), group[0])
-    if run.question is Question.INSTANT and (run.engine == REFERENCE or run.status is Status.ANSWERED):
-        why = at_singular_pose(case)
-        return replace(_blank(run), verdict=Verdict.UNRESOLVED, rule="singular pose", why=why) if why else _blank(run)
+    if run.question is not Question.MODEL and (run.engine == REFERENCE or run.status is Status.ANSWERED):
+        why = at_singular_pose(case, run.question)
+        if why:
+            return replace(_blank(run), verdict=Verdict.UNRESOLVED, rule="singular pose", why=why)
     if run.status is Status.FAILED and run.method is not None and run.method.substeps and unstable(case, run):
         text = rate_text(run.step or 0.0, case.fastest_rate)
         return replace(_blank(run), verdict=Verdict.UNRESOLVED, rule="unresolved rate", why=f"{text}; {run.reason}")
     return _blank(run)
 
 
-def at_singular_pose(case: Case) -> str:
-    """Say which state of a case is the first at a singular pose, and what it is; nothing if none is."""
-    for n, state in enumerate(case.states):
+def at_singular_pose(case: Case, question: Question = Question.INSTANT) -> str:
+    """Say which state of a question is the first at a singular pose, and what it is; nothing if none is known."""
+    try:
+        states = case.states if question.at_states else [case.initial_state]
+    except ConsilienceError:  # there are no states; the reason is that of the failed runs
+        return ""
+    for n, state in enumerate(states):
         if is_singular(case.mechanism, state):
             return f"state {n} is at a singular pose ({singular_pose(case.mechanism, state)}): accelerations are open"
     return ""
