@@ -5,7 +5,6 @@ The expected numbers are closed forms: an armature of a part e of the inertia di
 """
 
 import json
-import os
 import sys
 from collections import Counter
 from dataclasses import replace
@@ -221,7 +220,7 @@ def test_what_takes_too_long_is_noticed_and_named():
 def short():
     chosen = plan.mutants_named([])
     tasks, alarms = plan.short(chosen, list(HOSTS))
-    return run_campaign(tasks, list(HOSTS[1:]), alarms, jobs=os.cpu_count() or 2, limit=600.0)  # first task compiles
+    return run_campaign(tasks, list(HOSTS[1:]), alarms, jobs=1, limit=600.0)  # each process would load all engines
 
 
 def test_the_short_campaign_catches_every_mutant_and_nothing_else(short):

@@ -160,6 +160,7 @@ def test_a_suite_compiles_beside_only_where_it_has_two_processes_and_no_kernels(
     monkeypatch.setattr(suite, "compiled", lambda: warm)
     monkeypatch.setattr(suite, "compiled_beside", recorded)
     cases = [load_case("simple_pendulum-small").with_span(0.1, None)]
-    results = suite.run_suite(cases, ["reference", "mujoco"], resources=suite.Resources(jobs))
+    asked = [Question.TRAJECTORY]
+    results = suite.run_suite(cases, ["reference", "mujoco"], asked, resources=suite.Resources(jobs))
     assert entered == [["simple_pendulum-small"]] * beside
     assert not results.missing
