@@ -1,10 +1,12 @@
 """Contacts, stops and dry friction as data: what is refused, gaps of all shapes, tangents, units, files."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from consilience.case import Case
+from consilience.case import Case, load_case
 from consilience.case.file.reader import cases_from_tables
 from consilience.case.file.writer import case_table
 from consilience.engine.worker.codec import encode, value_of
@@ -32,8 +34,11 @@ from consilience.mechanism import (
     contact_tangents,
     elementary_contacts,
     in_units,
+    joint_spring_motion,
     nearest_points,
     quaternion_from_rotation_vector,
+    quaternion_product,
+    random_states,
 )
 
 ZERO, X, Z = np.zeros(3), np.eye(3)[0], np.eye(3)[2]
@@ -267,3 +272,26 @@ def test_what_makes_no_sense_is_refused(make, message):
     with pytest.raises(InvalidInput) as error:
         make()
     assert message.partition(";")[0] in str(error.value)
+
+
+@pytest.mark.parametrize("name", ["pulled_boxes", "ball_in_corner-leaves", "bouncing_table", "hinge_between_stops"])
+def test_random_states_keep_closed_what_is_closed_at_the_start(name):
+    """Gaps and limits are differenced along the motion of each state."""
+    case = load_case(name)
+    m, start = case.mechanism, case.initial_state
+    if m.stops:
+        m = replace(m, stops=(replace(m.stops[0], lower=0.5),))  # the coordinate of the start
+    for one in random_states(m, start, 3, 5):
+        assert np.array_equal(one.p_WB, start.p_WB)
+        assert np.ptp(one.v_WB_W) + np.ptp(one.w_WB_W) > 1e-3 or m.stops
+        h, ends = 1e-6, []
+        for dt in (-h, h):
+            turned = [
+                quaternion_product(quaternion_from_rotation_vector(dt * w), q)
+                for w, q in zip(one.w_WB_W, one.quat_WB, strict=True)
+            ]
+            moved = State(one.p_WB + dt * one.v_WB_W, np.array(turned), one.v_WB_W, one.w_WB_W)
+            places = [nearest_points(m, moved, part).gap for part in elementary_contacts(m)]
+            ends.append(places + [joint_spring_motion(m, moved, x.joint, x.coordinate)[0] for x in m.stops])
+        closed = [nearest_points(m, start, part).gap < 1e-9 for part in elementary_contacts(m)] + [True] * len(m.stops)
+        assert np.abs(np.subtract(*ends))[closed] / (2 * h) == pytest.approx(np.zeros(sum(closed)), abs=1e-8)

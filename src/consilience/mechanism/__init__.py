@@ -30,6 +30,7 @@ from consilience.mechanism.constraints import (
 from consilience.mechanism.contact_geometry import (
     TOUCHING,
     NearestPoints,
+    closing_rows,
     contact_gap,
     contact_tangents,
     elementary_contacts,
@@ -190,6 +191,7 @@ __all__ = [
     "centres_of_mass",
     "characteristic_length",
     "check_inertia",
+    "closing_rows",
     "conservative_part",
     "constant",
     "constraint_gamma",

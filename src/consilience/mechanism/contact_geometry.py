@@ -24,7 +24,7 @@ from consilience.errors import InvalidInput
 from consilience.mechanism.contacts import Contact, DiscPlane, ElementaryContact, SphereSphere, contact_parts
 from consilience.mechanism.model import GROUND, Mechanism, State
 from consilience.mechanism.observables import body_point, joint_spring_motion
-from consilience.mechanism.spatial import Array, orthogonal_triad
+from consilience.mechanism.spatial import Array, cross, orthogonal_triad
 from consilience.mechanism.units import characteristic_length
 
 
@@ -98,6 +98,39 @@ def contact_tangents(mechanism: Mechanism, state: State, contact: ElementaryCont
 def elementary_contacts(mechanism: Mechanism) -> tuple[ElementaryContact, ...]:
     """Return the parts of all contacts of a mechanism, in their order; see `contact_parts`."""
     return tuple(part for contact in mechanism.contacts for part in contact_parts(contact))
+
+
+def closing_rows(mechanism: Mechanism, state: State) -> Array:
+    """Return the rows of the closed contacts and stops in the velocities of the bodies, shape (n, 6 n_b).
+
+    Times the velocities ``(v_WB_W, w_WB_W)`` they are the rates of gaps and of joint coordinates at a limit.
+    """
+    slack, rows = TOUCHING * characteristic_length(mechanism), []
+    for part in elementary_contacts(mechanism):
+        near = nearest_points(mechanism, state, part)
+        if near.gap <= slack:
+            row = np.zeros((len(mechanism.bodies), 6))
+            for body, point, sign in ((part.body, near.on_body, 1.0), (part.partner, near.on_partner, -1.0)):
+                i = mechanism.body_index[body]
+                if i >= 0:
+                    row[i] = sign * np.concatenate([near.normal, cross(point - state.p_WB[i], near.normal)])
+            rows.append(row.ravel())
+    for stop in mechanism.stops:
+        q, _ = joint_spring_motion(mechanism, state, stop.joint, stop.coordinate)
+        room = slack if stop.coordinate == "distance" else TOUCHING
+        if any(limit is not None and abs(q - limit) <= room for limit in (stop.lower, stop.upper)):
+            rows.append(_coordinate_row(mechanism, state, stop.joint, stop.coordinate))
+    return np.array(rows).reshape(-1, 6 * len(mechanism.bodies))
+
+
+def _coordinate_row(mechanism: Mechanism, state: State, joint: str, coordinate: str) -> Array:
+    """Return the row of the rate of a joint coordinate: that rate for each unit velocity."""
+    count, row = len(mechanism.bodies), []
+    for unit in np.eye(6 * count):
+        v, w = unit.reshape(-1, 6)[:, :3], unit.reshape(-1, 6)[:, 3:]
+        moving = State(state.p_WB, state.quat_WB, v, w)
+        row.append(joint_spring_motion(mechanism, moving, joint, coordinate)[1])
+    return np.array(row)
 
 
 TOUCHING = 1e-10

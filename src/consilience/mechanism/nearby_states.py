@@ -11,7 +11,14 @@ import numpy as np
 from consilience.errors import CannotAssemble
 from consilience.mechanism.assembly import assemble_positions, assemble_velocities, largest_residual
 from consilience.mechanism.branches import singular_pose
-from consilience.mechanism.constraints import null_space, scaled_jacobian, velocity_sizes
+from consilience.mechanism.constraints import (
+    RANK_TOLERANCE,
+    free_directions,
+    null_space,
+    scaled_jacobian,
+    velocity_sizes,
+)
+from consilience.mechanism.contact_geometry import closing_rows
 from consilience.mechanism.model import Mechanism, State
 from consilience.mechanism.singular import move
 from consilience.mechanism.spatial import Array
@@ -45,6 +52,8 @@ def _free_motion(mechanism: Mechanism, state: State, rng: np.random.Generator, h
 def random_states(mechanism: Mechanism, start: State, count: int, seed: int, speed: float = 2.0) -> list[State]:
     """Return consistent states on the branch of `start`: a random walk on the constraint manifold, random velocities.
 
+    A mechanism with contacts or stops keeps the pose of the start, and what is closed there stays closed: it slides.
+
     Parameters
     ----------
     start : State
@@ -56,6 +65,8 @@ def random_states(mechanism: Mechanism, start: State, count: int, seed: int, spe
     """
     rng = np.random.default_rng(seed)
     sizes = velocity_sizes(mechanism)
+    if mechanism.contacts or mechanism.stops:
+        return [_sliding(mechanism, start, speed * sizes * _free_motion(mechanism, start, rng)) for _ in range(count)]
     states: list[State] = []
     state = start
     failed = 0
@@ -79,6 +90,17 @@ def random_states(mechanism: Mechanism, start: State, count: int, seed: int, spe
         failed = 0
         states.append(state)
     return states
+
+
+def _sliding(mechanism: Mechanism, start: State, velocity: Array) -> State:
+    """Return the pose of a state with the admissible velocity nearest to a given one, (6 n_b,), in closed contacts."""
+    v, w = velocity.reshape(-1, 6)[:, :3], velocity.reshape(-1, 6)[:, 3:]
+    state = assemble_velocities(mechanism, State(start.p_WB, start.quat_WB, v, w))
+    y = np.hstack([state.v_WB_W, state.w_WB_W]).ravel()
+    free, rows = free_directions(mechanism, start), closing_rows(mechanism, start)
+    y -= free @ np.linalg.lstsq(rows @ free, rows @ y, rcond=RANK_TOLERANCE)[0]
+    y = y.reshape(-1, 6)
+    return State(start.p_WB, start.quat_WB, y[:, :3], y[:, 3:])
 
 
 def _stuck(mechanism: Mechanism, start: State) -> str:
