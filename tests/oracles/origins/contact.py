@@ -313,7 +313,7 @@ def _ladder(case, t):
     at = foot.point + head.normal * (x + head.normal @ (head.point - foot.point)) + foot.normal * z
     side = np.cross(foot.normal, head.normal)
     at += side * (side @ (case.initial_state.p_WB[0] - foot.point))
-    return {"p_WBcm": at, "w_WB_W": -rate * np.cross(head.normal, foot.normal) * -1.0}
+    return {"p_WBcm": at, "w_WB_W": -rate * np.cross(head.normal, foot.normal)}
 
 
 def _crank_at_a_stop(case, t):

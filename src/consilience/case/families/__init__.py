@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from consilience.case.case import Case
 from consilience.case.families.chains import chain, mass_ratio, planar_chain
+from consilience.case.families.contacts import balls_in_line, box_stack, sliding_cube
 from consilience.case.families.loops import closed_ring, four_bar, parallel_rods, scissor, windows
 from consilience.case.families.parameters import (
     Family,
@@ -40,6 +41,9 @@ FAMILIES: dict[str, Family] = {
         stiff_spring,
         top,
         single_joint,
+        sliding_cube,
+        balls_in_line,
+        box_stack,
     )
 }
 """Families by name."""
@@ -85,6 +89,8 @@ __all__ = [
     "Parameter",
     "Range",
     "TomlTable",
+    "balls_in_line",
+    "box_stack",
     "cases_from_tables",
     "chain",
     "closed_ring",
@@ -98,6 +104,7 @@ __all__ = [
     "shown",
     "shown_parameters",
     "single_joint",
+    "sliding_cube",
     "spring_chain",
     "stiff_spring",
     "top",
