@@ -20,6 +20,7 @@ from consilience.mechanism import (
     Compliance,
     Cone,
     DiscPlane,
+    Drive,
     DryFriction,
     Frame,
     Joint,
@@ -35,10 +36,12 @@ from consilience.mechanism import (
     elementary_contacts,
     in_units,
     joint_spring_motion,
+    linear,
     nearest_points,
     quaternion_from_rotation_vector,
     quaternion_product,
     random_states,
+    refuse_overlap,
 )
 
 ZERO, X, Z = np.zeros(3), np.eye(3)[0], np.eye(3)[2]
@@ -295,3 +298,22 @@ def test_random_states_keep_closed_what_is_closed_at_the_start(name):
             ends.append(places + [joint_spring_motion(m, moved, x.joint, x.coordinate)[0] for x in m.stops])
         closed = [nearest_points(m, start, part).gap < 1e-9 for part in elementary_contacts(m)] + [True] * len(m.stops)
         assert np.abs(np.subtract(*ends))[closed] / (2 * h) == pytest.approx(np.zeros(sum(closed)), abs=1e-8)
+
+
+def test_a_start_that_overlaps_or_is_beyond_a_stop_is_refused():
+    together = State(np.zeros((2, 3)), [[1, 0, 0, 0]] * 2, np.zeros((2, 3)), np.zeros((2, 3)))
+    flat = BoxPlane("box", "a", ZERO, [0.1, 0.1, 0.1], GROUND, -0.1 * Z, Z)
+    refuse_overlap(mechanism(contacts=(flat,), stops=(Stop("s", "slide", "distance", 0.0),)), together)
+    with pytest.raises(InvalidInput, match=r"contact 'box': a and ground overlap by 0\.05 m at the start"):
+        refuse_overlap(mechanism(contacts=(replace(flat, point=-0.05 * Z),)), together)
+    with pytest.raises(InvalidInput, match=r"stop 's': angle 0 of 'slide' is beyond the limit 0\.2"):
+        refuse_overlap(mechanism(stops=(Stop("s", "slide", "angle", lower=0.2),)), together)
+    table = case_table(Case.of(mechanism(contacts=(replace(flat, point=-0.05 * Z),))))
+    with pytest.raises(InvalidInput, match=r"^over\.toml: contact 'box': .* overlap"):
+        _ = cases_from_tables("over", "over.toml", table)[0].initial_state
+
+
+def test_a_stop_in_a_driven_coordinate_is_refused():
+    drive, stop = Drive("motor", "slide", "angle", linear(1.0)), Stop("s", "slide", "angle", 0.0)
+    with pytest.raises(InvalidInput, match="stop 's': drive 'motor' moves this coordinate"):
+        mechanism(drives=(drive,), stops=(stop,))

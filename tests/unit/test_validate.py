@@ -103,6 +103,9 @@ def test_a_spring_beside_the_centre_of_mass_turns_the_body_as_well():
     assert why == "spring 's'"
 
 
+FLOOR = {"name": "floor", "body": "box", "at": [0.0, 0.0, 0.0], "radius": 0.2}
+FLOOR |= {"point": [0.2, 0.3, 0.0], "normal": [-1.0, 0.0, 0.0]}
+
 DOUBTS = {
     "no expected value": {"published": []},
     "no body has a product of inertia": {},
@@ -115,6 +118,19 @@ DOUBTS = {
         "gravity": [0.0, 0.0, -98.6],
     },  # sqrt(98.6 / sqrt(0.1 / 2)) = 21 rad/s
     "has hardly begun": {"trajectory": {"duration": 1e-3, "sample": 1e-4}},
+    "contact 'floor' is wedged: it is closed at the start": {
+        "contact": [FLOOR | {"point": [0.0, -0.2, 0.0], "normal": [0.0, 1.0, 0.0]}]
+    },
+    "contacts left, right are closed at the start and hit at once": {
+        "contact": [FLOOR | {"name": name, "restitution": 0.5} for name in ("left", "right")],
+        "initial": {"rates": {"slide": {"distance": 1.0}}},
+    },
+    "contact 'pair': the tangents of a box cone jump": {
+        "contact": [
+            {"name": "pair", "body": "box", "at": [0.0, 0.0, 0.0], "radius": 0.2, "friction": 0.3}
+            | {"partner_at": [0.0, 1.0, 0.0], "partner_radius": 0.2, "cone": {"kind": "box"}}
+        ]
+    },
     "friction 'rub': the speed 1e-09 is too small": {
         "friction": [{"name": "rub", "joint": "slide", "coordinate": "distance", "coulomb": 1.0, "speed": 1e-9}]
     },

@@ -7,7 +7,7 @@ take part in a dependency are named, with the number of dependencies.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import compress
 from operator import attrgetter
 
@@ -20,12 +20,15 @@ from consilience.mechanism import (
     RANK_TOLERANCE,
     Array,
     Mechanism,
+    SphereSphere,
     State,
     body_point,
     centres_of_mass,
     characteristic_length,
+    closing_rows,
     constraint_residual,
     determinate_reactions,
+    free_directions,
     frictions_too_steep,
     joint_frames,
     scaled_jacobian,
@@ -220,10 +223,34 @@ def warnings(case: Case) -> list[str]:
 
 
 def _edges(case: Case) -> Iterator[str]:
-    """Describe friction too steep to integrate."""
+    """Describe friction too steep to integrate, and contacts whose answer depends on more than the case says."""
     mechanism = case.mechanism
+    yield from _contacts_at_start(mechanism, case.initial_state)
     for friction in frictions_too_steep(mechanism):
         yield f"friction '{friction.name}': the speed {friction.speed:g} is too small to integrate"
+
+
+def _contacts_at_start(mechanism: Mechanism, start: State) -> Iterator[str]:
+    """Describe closed contacts that the joints hold, or that hit at once, and tangents that jump."""
+    free = free_directions(mechanism, start)
+    motion = np.hstack([start.v_WB_W, start.w_WB_W]).ravel()
+    hit = []
+    for contact in mechanism.contacts:
+        rows = closing_rows(replace(mechanism, contacts=(contact,), stops=()), start)
+        if len(rows) and np.max(np.abs(rows @ free), initial=0.0) < RANK_TOLERANCE:
+            yield (
+                f"contact '{contact.name}' is wedged: it is closed at the start, and the joints let its bodies neither "
+                "part nor press; its force is open"
+            )
+        if len(rows) and contact.restitution and np.min(rows @ motion) < 0.0:
+            hit.append(contact.name)
+        if isinstance(contact, SphereSphere) and contact.cone.kind != "circle":
+            yield f"contact '{contact.name}': the tangents of a {contact.cone.kind} cone jump where spheres roll round"
+    if len(hit) > 1:
+        yield (
+            f"contacts {', '.join(hit)} are closed at the start and hit at once: they take part in one impact, with "
+            "another result than in turn after any gap"
+        )
 
 
 def _rounded_down(value: float) -> float:
