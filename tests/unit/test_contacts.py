@@ -317,3 +317,15 @@ def test_a_stop_in_a_driven_coordinate_is_refused():
     drive, stop = Drive("motor", "slide", "angle", linear(1.0)), Stop("s", "slide", "angle", 0.0)
     with pytest.raises(InvalidInput, match="stop 's': drive 'motor' moves this coordinate"):
         mechanism(drives=(drive,), stops=(stop,))
+
+
+def test_a_contact_force_is_expected_of_a_contact_at_the_start():
+    table = case_table(load_case("box_tips"))
+    force = next(one for one in table["published"] if "contact" in one)
+    for change, message in (
+        ({"contact": "roof"}, "there is no contact 'roof'"),
+        ({"time": 0.1}, "a contact force is expected at the start"),
+        ({"body": "box"}, "name the contact and nothing else"),
+    ):
+        with pytest.raises(InvalidInput, match=message):
+            cases_from_tables("c", "c.toml", table | {"published": [force | change]})

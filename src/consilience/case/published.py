@@ -30,9 +30,9 @@ class Published:
     Attributes
     ----------
     observable : str
-        A name of `OF_A_BODY`, `OF_A_JOINT`, `ACCELERATIONS` or `REACTIONS`.
+        A name of `OF_A_BODY`, `OF_A_JOINT`, `ACCELERATIONS` or `REACTIONS`, or `CONTACT_FORCE`.
     of : str
-        Name of the body or joint.
+        Name of the body, joint or contact.
     component : int
         0, 1 or 2 of a vector; 0 of a scalar.
     time : float, s
@@ -63,8 +63,8 @@ class Published:
 
     @property
     def of_equations(self) -> bool:
-        """Whether the value is an acceleration or a reaction."""
-        return self.observable in ACCELERATIONS or self.observable in REACTIONS
+        """Whether the value is an acceleration, a reaction or a contact force."""
+        return self.observable in (*ACCELERATIONS, *REACTIONS, CONTACT_FORCE)
 
     @property
     def name(self) -> str:
@@ -117,6 +117,23 @@ ACCELERATIONS = ("a_WB_W", "alpha_WB_W")
 REACTIONS = ("force_F", "torque_F")
 """Reaction of a joint on the successor, at the origin of M, in axes of F."""
 
+CONTACT_FORCE = "contact_force"
+"""Force of a contact on its body at the start, the sum over its parts, in world axes."""
+
+
+def owner_of(observable: str) -> str:
+    """Return whose observable it is: ``body``, ``joint`` or ``contact``."""
+    if observable == CONTACT_FORCE:
+        return "contact"
+    return "joint" if observable in OF_A_JOINT or observable in REACTIONS else "body"
+
+
+def owners(mechanism: Mechanism, observable: str) -> dict[str, int]:
+    """Return the index of each body, joint or contact that has an observable, by its name."""
+    of_contacts = {contact.name: n for n, contact in enumerate(mechanism.contacts)}
+    own = {"body": mechanism.body_index, "joint": mechanism.joint_index, "contact": of_contacts}
+    return own[owner_of(observable)]
+
 
 def has_coordinate(mechanism: Mechanism, joint: str, observable: str) -> bool:
     """Tell whether a joint has the coordinate of an observable of `OF_A_JOINT`."""
@@ -132,8 +149,8 @@ def read_motion(mechanism: Mechanism, known: Published, motion: TrajectoryAnswer
     """Return the value of a motion for an expected value that is not `at_start`; an angle counts full turns."""
     n = sample_of(known, motion)
     if known.of_equations:
-        index = mechanism.body_index if known.observable in ACCELERATIONS else mechanism.joint_index
-        return float(later_equations(mechanism, motion, n)[known.observable][index[known.of], known.component])
+        index = owners(mechanism, known.observable)[known.of]
+        return float(later_equations(mechanism, motion, n)[known.observable][index, known.component])
     state = motion.state(n)
     if known.observable in OF_A_BODY:
         read, _ = OF_A_BODY[known.observable]
@@ -152,6 +169,7 @@ def sample_of(known: Published, motion: TrajectoryAnswer) -> int:
 
 def read_start(mechanism: Mechanism, known: Published, answer: InstantAnswer) -> Array:
     """Return the vector of an answer, first state, for an expected value that is `at_start`; NaN without answer."""
-    index = mechanism.body_index if known.observable in ACCELERATIONS else mechanism.joint_index
     values = getattr(answer, known.observable)
-    return np.full(3, np.nan) if values is None else np.asarray(values[0, index[known.of]])
+    return (
+        np.full(3, np.nan) if values is None else np.asarray(values[0, owners(mechanism, known.observable)[known.of]])
+    )

@@ -101,7 +101,13 @@ def _in_corner(case, t):
     spin, g = (E.T @ w)[1], _gravity(case, E)[1]
     if spin < 0:
         _, rate = collisions.spin_in_corner(case.mechanism.bodies[0].mass, floor.radius, g, floor.friction, spin, t)
-        return {"p_WBcm": p, "v_WBcm_W": np.zeros(3), "w_WB_W": rate * E[:, 1]}
+        N = case.mechanism.bodies[0].mass * g / (1 + floor.friction**2)
+        up, across = (
+            N * E[:, 2] - floor.friction * N * E[:, 0],
+            floor.friction * N * (E[:, 0] + floor.friction * E[:, 2]),
+        )
+        rest = {"p_WBcm": p, "v_WBcm_W": np.zeros(3), "w_WB_W": rate * E[:, 1]}
+        return rest | {"contact_force": np.array([up, across])}
     q, u, w, _ = sliding.ball_slide([0.0, 0.0], floor.friction * g, floor.radius, E.T @ v, E.T @ w, t)
     return {"p_WBcm": p + E @ q, "v_WBcm_W": E @ u, "w_WB_W": E @ w}
 
@@ -372,7 +378,9 @@ def _tipping(case, t):
     axis = np.cross(E[:, 2], down)
     J = axis @ case.initial_state.R_WB[0] @ body.inertia @ case.initial_state.R_WB[0].T @ axis
     alpha = axis @ np.cross(arm, body.mass * case.mechanism.gravity) / (J + body.mass * arm @ arm)
-    return {"alpha_WB_W": alpha * axis, "a_WB_W": alpha * np.cross(axis, arm)}
+    a = alpha * np.cross(axis, arm)  # the origin of the body is its centre of mass
+    force = body.mass * (a - case.mechanism.gravity)
+    return {"alpha_WB_W": alpha * axis, "a_WB_W": a, "contact_force": force}
 
 
 ORIGINS = {

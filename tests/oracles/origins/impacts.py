@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.special import ellipj, ellipk
 
+from consilience.case.published import owners
 from consilience.mechanism import rotation_from_quaternion
 
 
@@ -72,7 +73,7 @@ def _values(motion):
         for known in published:
             value = np.asarray(motion(case, known.time)[known.observable])
             if value.ndim == 2:
-                value = value[case.mechanism.body_index[known.of]]
+                value = value[owners(case.mechanism, known.observable)[known.of]]
             found.append(value[known.component] if value.ndim else value)
         return np.array(found)
 

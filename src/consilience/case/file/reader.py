@@ -29,7 +29,7 @@ from consilience.case.file.schema import (
     VariantTable,
 )
 from consilience.case.file.values import Orientation
-from consilience.case.published import ACCELERATIONS, OF_A_JOINT, REACTIONS, Published, has_coordinate
+from consilience.case.published import ACCELERATIONS, OF_A_JOINT, REACTIONS, Published, has_coordinate, owner_of, owners
 from consilience.errors import InvalidInput
 from consilience.mechanism import (
     GROUND,
@@ -147,9 +147,9 @@ def _case(
 
 def _published(mechanism: Mechanism, n: int, table: PublishedTable, span: TrajectoryTable) -> list[Published]:
     where = f"published[{n}]"
-    of, known = (table.body, mechanism.body_index) if table.body else (table.joint, mechanism.joint_index)
-    what = "body" if table.body else "joint"
-    if of not in known or of == GROUND:
+    what = owner_of(table.observable)
+    of = getattr(table, what)
+    if of not in owners(mechanism, table.observable) or of == GROUND:
         raise InvalidInput(f"{where}.{what}", f"there is no {what} '{of}'", f"Name a {what} of the case.")
     if table.observable in OF_A_JOINT and not has_coordinate(mechanism, of, table.observable):
         kind = mechanism.joints[mechanism.joint_index[of]].kind

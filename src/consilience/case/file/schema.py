@@ -23,7 +23,7 @@ from consilience.case.file.values import (
     Text,
     Triple,
 )
-from consilience.case.published import ACCELERATIONS, OF_A_BODY, OF_A_JOINT, REACTIONS, Origin
+from consilience.case.published import ACCELERATIONS, CONTACT_FORCE, OF_A_BODY, OF_A_JOINT, REACTIONS, Origin, owner_of
 from consilience.mechanism import JOINT_KINDS, Array
 
 _MANY = Field(max_length=2_000)
@@ -248,14 +248,15 @@ class Components(TableModel):
 
 
 class PublishedTable(TableModel):
-    """Expected values at one time, with their own uncertainty: of a body a vector, of a joint a coordinate or rate.
+    """Expected values at one time, with their uncertainty: vectors of bodies and contacts, coordinates of joints.
 
     Reactions at times after the start are those of least norm where equilibrium leaves them open.
     """
 
     body: Name | None = None
     joint: Name | None = None
-    observable: Literal[(*OF_A_BODY, *ACCELERATIONS, *OF_A_JOINT, *REACTIONS)]  # type: ignore[valid-type]
+    contact: Name | None = None
+    observable: Literal[(*OF_A_BODY, *ACCELERATIONS, *OF_A_JOINT, *REACTIONS, CONTACT_FORCE)]  # type: ignore[valid-type]
     time: Annotated[Finite, Field(ge=0)] = Field(description="s; on the sample grid.")
     value: Finite | Triple | Components = Field(description="SI units; vectors in world axes, reactions in those of F.")
     uncertainty: Positive = Field(description="Of each component.")
@@ -265,10 +266,12 @@ class PublishedTable(TableModel):
 
     @model_validator(mode="after")
     def _fits(self) -> PublishedTable:
-        owner = "joint" if self.observable in OF_A_JOINT or self.observable in REACTIONS else "body"
-        other = {"joint": "body", "body": "joint"}[owner]
-        if getattr(self, owner) is None or getattr(self, other) is not None:
-            raise ValueError(f"{self.observable} is an observable of a {owner}; name the {owner} and no {other}")
+        owner = owner_of(self.observable)
+        given = [name for name in ("body", "joint", "contact") if getattr(self, name) is not None]
+        if given != [owner]:
+            raise ValueError(f"{self.observable} is an observable of a {owner}; name the {owner} and nothing else")
+        if owner == "contact" and self.time:
+            raise ValueError("a contact force is expected at the start; give the time 0")
         if (self.observable in OF_A_JOINT) != isinstance(self.value, float | int):
             right = "one number" if self.observable in OF_A_JOINT else "three numbers, or those of x, y and z known"
             raise ValueError(f"{self.observable} has another shape; give {right}")

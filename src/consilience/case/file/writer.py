@@ -16,7 +16,7 @@ import numpy as np
 
 from consilience.case.case import Case
 from consilience.case.file.values import TomlTable
-from consilience.case.published import OF_A_JOINT, REACTIONS
+from consilience.case.published import OF_A_JOINT, owner_of
 from consilience.errors import InvalidInput
 from consilience.mechanism import (
     GROUND,
@@ -303,8 +303,7 @@ def _published(case: Case) -> list[TomlTable]:
     """Tables of expected values, components of one vector together."""
     vectors: dict[tuple[object, ...], TomlTable] = {}
     for known in case.published:
-        joint = known.observable in OF_A_JOINT or known.observable in REACTIONS
-        fields: TomlTable = {"joint" if joint else "body": known.of}
+        fields: TomlTable = {owner_of(known.observable): known.of}
         fields |= {name: getattr(known, name) for name in ("observable", "time", "uncertainty", "origin", "source")}
         fields |= {"second": known.second} if known.second else {}
         vector = vectors.setdefault(tuple(fields.values()), {**fields, "value": {}})
