@@ -10,6 +10,8 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from consilience.audit.mutate import (
     FINE,
     FRACTION,
@@ -19,6 +21,7 @@ from consilience.audit.mutate import (
     Planting,
     decades,
     inside,
+    on_result,
     preconditions,
     replaced,
     wrapped,
@@ -27,7 +30,7 @@ from consilience.engine import Engine, Question
 from consilience.mechanism import skew
 from consilience_exudyn import engine, maximal
 
-M, T = Question.MODEL, Question.TRAJECTORY
+M, I, T = Question.MODEL, Question.INSTANT, Question.TRAJECTORY
 
 SOLVER = "pointwise"
 
@@ -106,3 +109,46 @@ MUTANTS = (
     Mutant(21, "initial accelerations", "not computed: the integration starts from zero", WHOLE, "", T,
            _integration(lambda e: False, "generalizedAlpha.computeInitialAccelerations"), methods="GeneralizedAlpha"),
 )  # fmt: skip
+
+CONTACTS = 28
+"""Trap of the errors in contacts."""
+
+
+def _parts(change: Callable[[Any, float], dict[str, Any]]) -> Planting:
+    """Change fields of the elementary contacts that the adapter adds."""
+
+    def altered(original: Any, magnitude: float, contact: Any) -> Any:
+        return tuple(replace(part, **change(part, magnitude)) for part in original(contact))
+
+    return inside(("contacts", "contact_parts", wrapped(altered)))
+
+
+def _aside(part: Any, magnitude: float) -> dict[str, Any]:
+    """Return the place of a shape on its body, moved by a length."""
+    name = "corner" if hasattr(part, "corner") else "center"
+    return {name: getattr(part, name) + magnitude * np.array([1.0, -2.0, 2.0]) / 3.0}
+
+
+def _on_partner(answer: Any, magnitude: float) -> None:
+    answer.contact_force[:] *= 1.0 - 2.0 * magnitude
+
+
+def _hunt_crossley(original: Any, magnitude: float, restitution: float) -> Any:
+    del magnitude
+    law = original(restitution)
+    return law | {"impactModel": 1} if law["impactModel"] else law
+
+
+CONTACT_MUTANTS = (
+    Mutant(CONTACTS, "friction of one partner, Exudyn", "the coefficient halved", FINE, FRACTION, I,
+           _parts(lambda part, e: {"friction": part.friction * (1.0 - 0.5 * e)})),
+    Mutant(CONTACTS, "restitution squared, Exudyn", "the coefficient squared", (1.0, 0.1), FRACTION, T,
+           _parts(lambda part, e: {"restitution": part.restitution ** (1.0 + e)})),
+    Mutant(CONTACTS, "normal of the partner, Exudyn", "forces on the partner in place of the body", FINE, FRACTION, I,
+           inside(("", "instant", on_result(_on_partner)))),
+    Mutant(CONTACTS, "contact at another point, Exudyn", "the shape of the body aside", decades(-1, -9, 2), "m", I,
+           _parts(_aside)),
+    Mutant(CONTACTS, "Hunt and Crossley's restitution", "impactModel 1", WHOLE, "", T,
+           inside(("contacts", "_impact", wrapped(_hunt_crossley)))),
+)  # fmt: skip
+"""Errors in contacts, which `tests/conformance/test_contact_exudyn.py` plants."""

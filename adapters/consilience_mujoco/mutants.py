@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import mujoco
@@ -216,3 +217,50 @@ MUTANTS = (
     Mutant(26, "islands", "on, as they are by default", WHOLE, "", I, with_settings(_without_flag("ISLAND")),
            methods="mj_forward", harmless=True),
 )  # fmt: skip
+
+CONTACTS = 28
+"""Trap of the errors in contacts."""
+
+
+def _parts(change: Callable[[Any, float], dict[str, Any]]) -> Planting:
+    """Change fields of the elementary contacts that the adapter adds."""
+
+    def altered(original: Any, magnitude: float, contact: Any) -> Any:
+        return tuple(replace(part, **change(part, magnitude)) for part in original(contact))
+
+    return inside(("contacts", "contact_parts", wrapped(altered)))
+
+
+def _aside(part: Any, magnitude: float) -> dict[str, Any]:
+    """Return the place of a shape on its body, moved by a length."""
+    name = "corner" if hasattr(part, "corner") else "center"
+    return {name: getattr(part, name) + magnitude * np.array([1.0, -2.0, 2.0]) / 3.0}
+
+
+def _on_partner(answer: Any, magnitude: float) -> None:
+    answer.contact_force[:] *= 1.0 - 2.0 * magnitude
+
+
+def _torsion(original: Any, magnitude: float, spec: Any, *more: Any) -> None:
+    original(spec, *more)
+    spec.pairs[-1].condim = 4
+    spec.pairs[-1].friction[2] = magnitude
+
+
+CONTACT_MUTANTS = (
+    Mutant(CONTACTS, "friction of one partner, MuJoCo", "the coefficient halved", FINE, FRACTION, I,
+           _parts(lambda part, e: {"friction": part.friction * (1.0 - 0.5 * e)})),
+    Mutant(CONTACTS, "restitution squared, MuJoCo", "the coefficient squared", (1.0, 0.1), FRACTION, T,
+           _parts(lambda part, e: {"restitution": part.restitution ** (1.0 + e)})),
+    Mutant(CONTACTS, "normal of the partner, MuJoCo", "forces on the partner in place of the body", FINE, FRACTION, I,
+           inside(("", "instant", on_result(_on_partner)))),
+    Mutant(CONTACTS, "contact at another point, MuJoCo", "the shape of the body aside", decades(-1, -9, 2), "m", I,
+           _parts(_aside)),
+    Mutant(CONTACTS, "torsional friction on", "condim 4: this length", decades(-2, -8, 2), "m", T,
+           inside(("contacts", "_add_part", wrapped(_torsion)))),
+    Mutant(CONTACTS, "pyramid for the circle", "opt.cone at its default", WHOLE, "", T,
+           _setting("opt.cone", lambda e: "PYRAMIDAL"), methods="RK4"),
+    Mutant(CONTACTS, "soft friction", "opt.impratio: one over the magnitude", (1.0, 1e-4, 1e-8), "", T,
+           _setting("opt.impratio", lambda e: 1.0 / e), methods="RK4"),
+)  # fmt: skip
+"""Errors in contacts, which `tests/conformance/test_contact_mujoco.py` plants."""

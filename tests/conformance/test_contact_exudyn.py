@@ -12,6 +12,7 @@ from contact_problems import LEVEL, G, Lab, fallen_rod, incline, pendulum, stack
 pytest.importorskip("exudyn")
 
 from consilience_exudyn import ExudynEngine
+from consilience_exudyn.mutants import CONTACT_MUTANTS
 
 I, T = Question.INSTANT, Question.TRAJECTORY
 LAB = Lab()
@@ -270,3 +271,21 @@ def test_only_the_declared_pairs_collide():
     mechanism, state = stacked(LAB, 0.0, upper=False)
     answer = motion(mechanism, state, 0.2, 4, 0)
     close((LAB.axes[:, 2] @ answer.v_WB_W[-1, 1],), ([-0.2 * G],), 1e-9)
+
+
+PLANTED = {
+    "friction of one partner, Exudyn": test_a_ball_that_slides_is_held_back_against_its_slip,
+    "restitution squared, Exudyn": test_the_end_of_a_rod_hits_a_rough_floor,
+    "normal of the partner, Exudyn": test_a_ball_that_rolls_and_is_pushed_at_its_centre,
+    "contact at another point, Exudyn": test_a_ball_that_slides_is_held_back_against_its_slip,
+    "Hunt and Crossley's restitution": test_the_end_of_a_rod_hits_a_rough_floor,
+}
+"""Tests of this module that catch errors planted in the adapter."""
+
+
+@pytest.mark.parametrize("mutant", CONTACT_MUTANTS, ids=lambda mutant: mutant.name)
+def test_planted_errors_are_caught(mutant, monkeypatch):
+    with mutant.plant(ExudynEngine(), mutant.magnitudes[0]) as planted:
+        monkeypatch.setitem(globals(), "ENGINE", planted)
+        with pytest.raises(AssertionError):
+            PLANTED[mutant.name]()

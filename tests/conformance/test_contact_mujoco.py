@@ -24,6 +24,7 @@ pytest.importorskip("mujoco")
 from consilience_mujoco import MujocoEngine
 from consilience_mujoco.contact_motion import damping_ratio, rebound
 from consilience_mujoco.messages import EngineWarningError
+from consilience_mujoco.mutants import CONTACT_MUTANTS
 
 I, T = Question.INSTANT, Question.TRAJECTORY
 LAB = Lab()
@@ -318,3 +319,23 @@ def test_capsules_touch_at_both_ends():
     mechanism = LAB.free_body(2.0, (0.01, 0.02, 0.02), LEVEL, [capsule], [(1.0, 0.0, 0.0)])
     a, alpha, force = instant(mechanism, LAB.state([0, 0, 0.1], [0, 0, 0]))
     close((a, alpha, force), (np.zeros(3), np.zeros(3), [-1.0, 0.0, 2.0 * G]), 1e-11)
+
+
+PLANTED = {
+    "friction of one partner, MuJoCo": test_a_ball_that_slides_is_held_back_against_its_slip,
+    "restitution squared, MuJoCo": test_a_ball_bounces_with_its_restitution_whatever_its_mass,
+    "normal of the partner, MuJoCo": test_a_ball_that_rolls_and_is_pushed_at_its_centre,
+    "contact at another point, MuJoCo": test_feet_that_turn_and_slide_have_their_own_centripetal_acceleration,
+    "torsional friction on": test_a_bowling_ball_slides_on_a_parabola_then_rolls,
+    "pyramid for the circle": test_a_tripod_that_slides_and_turns,
+    "soft friction": test_a_block_that_slides_up_an_incline_stays_there,
+}
+"""Tests of this module that catch errors planted in the adapter."""
+
+
+@pytest.mark.parametrize("mutant", CONTACT_MUTANTS, ids=lambda mutant: mutant.name)
+def test_planted_errors_are_caught(mutant, monkeypatch):
+    with mutant.plant(MujocoEngine(), mutant.magnitudes[0]) as planted:
+        monkeypatch.setitem(globals(), "ENGINE", planted)
+        with pytest.raises((AssertionError, EngineWarningError)):  # the pyramid's motion diverges
+            PLANTED[mutant.name]()
