@@ -2,6 +2,7 @@
 
 import ast
 import re
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -49,9 +50,15 @@ def modules():
         yield path.relative_to(SOURCE).with_suffix("").parts, path
 
 
+@cache
+def nodes(path):
+    """Return all nodes of the syntax tree of a file."""
+    return list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+
+
 def imported(path):
     """Return every module that a file imports, at any depth of its syntax tree."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in nodes(path):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -101,7 +108,7 @@ def test_nothing_in_src_names_an_engine():
     """No import and no string, docstrings included, names an engine: adapters are discovered."""
     named = []
     for name, path in modules():
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in nodes(path):
             text = node.value if isinstance(node, ast.Constant) and isinstance(node.value, str) else ""
             if ENGINES.search(text):
                 named.append(f"{'/'.join(name)}, line {node.lineno}: {ENGINES.search(text)[0]}")
@@ -116,7 +123,7 @@ def test_an_adapter_imports_the_protocol_and_the_model_alone():
     climbing, seen = [], 0
     for path in sorted((ROOT / "adapters").rglob("*.py")):
         rooms = ADAPTER_ROOMS | ({"consilience.audit.mutate"} if path.name == "mutants.py" else set())
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in nodes(path):
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             names += [node.module] if isinstance(node, ast.ImportFrom) else []
             ours = [name for name in names if name.split(".")[0] == "consilience"]
