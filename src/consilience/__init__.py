@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # the names once more for type checkers, which do not see those of `__getattr__`
     from collections.abc import Callable, Mapping, Sequence
+    from pathlib import Path
 
     from numpy.typing import ArrayLike
 
@@ -84,9 +85,7 @@ def __getattr__(name: str) -> Any:
         return import_module("consilience.compare")
     if name not in _MODULES:
         raise AttributeError(f"module 'consilience' has no attribute '{name}'")
-    found = getattr(import_module(f"consilience.{_MODULES[name]}"), name)
-    import_module("consilience.mechanism").Mechanism.html = _drawn
-    return found
+    return getattr(import_module(f"consilience.{_MODULES[name]}"), name)
 
 
 def _drawn(mechanism: Mechanism) -> str:
@@ -95,6 +94,13 @@ def _drawn(mechanism: Mechanism) -> str:
     from consilience.report.picture import picture  # noqa: PLC0415
 
     return picture(mechanism, drawing_state(mechanism), mechanism.name)
+
+
+def _saved(mechanism: Mechanism, path: str | Path) -> Path:
+    """Write a mechanism as a case file."""
+    from consilience.case import save_case  # noqa: PLC0415 - Pydantic is needed by files alone
+
+    return save_case(mechanism, path)
 
 
 def __dir__() -> list[str]:
@@ -309,11 +315,16 @@ else:
         __call__ = staticmethod(_compare)
 
     class _Library(ModuleType):
-        """The library; a room that is imported becomes an attribute, and `compare` can then be called."""
+        """The library; a room that is imported becomes an attribute.
+
+        `compare` can then be called, and a mechanism can be drawn and saved.
+        """
 
         def __setattr__(self, name: str, value: Any) -> None:
             if name == "compare":
                 value.__class__ = _Compare
+            elif name == "mechanism":
+                value.Mechanism.html, value.Mechanism.writer = _drawn, _saved
             super().__setattr__(name, value)
 
     sys.modules[__name__].__class__ = _Library

@@ -10,8 +10,9 @@ from consilience.case import Case, shipped_cases
 from consilience.case.file.reader import load_file
 from consilience.case.file.writer import case_text
 from consilience.errors import InvalidInput
-from consilience.mechanism import Frame, Initial
-from mechanisms import chain
+from consilience.mechanism import GROUND, Frame, Initial, Joint, Mechanism, initial_state
+from consilience.suite import store
+from mechanisms import GRAVITY, chain, lumpy_body, rotation
 
 ROUNDING = 1e-14
 """Points and axes are rotated to the drawing and back: rounding of products with coordinates of at most some 10 m."""
@@ -93,7 +94,64 @@ def test_what_the_file_says_first_is_the_heading():
     assert case_text(a_case(random_mechanism(1)), "one\ntwo").startswith("# one\n# two\ntitle = ")
 
 
-def test_joints_that_are_not_assembled_in_the_drawing_are_refused():
+def apart_in_the_drawing():
+    """A loop of a rod and a screw whose frames are anywhere on their bodies, by all digits of a float."""
+    rng = np.random.default_rng(5)
+    bodies = [lumpy_body(name, rng) for name in ("a", "b")]
+    frames = [Frame(rng.normal(size=3), rotation(rng)) for _ in range(6)]
+    joints = (
+        Joint("turn", "spherical", GROUND, "a", *frames[:2]),
+        Joint("thread", "screw", "b", "a", *frames[2:4], pitch=0.1),
+        Joint("bar", "rod", GROUND, "b", *frames[4:], length=4.0),
+    )
+    return Mechanism("apart", GRAVITY, tuple(bodies), joints)
+
+
+def test_a_mechanism_apart_in_its_drawing_comes_back_digit_by_digit(tmp_path):
+    mechanism = apart_in_the_drawing()
+    (found,) = load_file(mechanism.save(tmp_path / "apart.toml"))
+    pairs = [*zip(found.mechanism.bodies, mechanism.bodies, strict=True)]
+    for one, other in pairs:
+        for name in ("com", "inertia"):
+            assert np.array_equal(getattr(one, name), getattr(other, name)), name
+    frames = [(one.drawing, other.drawing) for one, other in pairs]
+    for one, other in zip(found.mechanism.joints, mechanism.joints, strict=True):
+        assert (one.kind, one.length, one.pitch) == (other.kind, other.length, other.pitch)
+        frames += [(one.F, other.F), (one.M, other.M)]
+    for one, other in frames:
+        assert np.array_equal(one.p, other.p)
+        assert np.array_equal(one.R, other.R)
+    assert np.array_equal(found.initial_state.p_WB, initial_state(mechanism).p_WB)
+    assert store._digest(found.mechanism) == store._digest(mechanism), (
+        "the answers of one are those of the other, in a store"
+    )
+
+
+FRAME = "{ at = [0.0, 0.0, 0.0] }"
+
+
+@pytest.mark.parametrize(
+    ("field", "words"),
+    [
+        (f"F = {FRAME}", "joint 'turn': M: the field is missing"),
+        (f"F = {FRAME}\nM = {FRAME}\nat = [0.0, 0.0, 0.0]", "joint 'turn': at: it is drawn, and has frames"),
+        (f"F = {FRAME}\nM = {FRAME}\nlength = 1.0", "joint 'turn': length"),
+        ("F = { at = [0, 0, 0], orientation = { rows = [[1, 0, 0], [0, 1, 0], [0, 1, 1]] } }", "no rotation"),
+        ("", "joint 'turn': at: the field is missing"),
+    ],
+)
+def test_half_a_pair_of_frames_is_refused(tmp_path, field, words):
+    mechanism = chain("spherical", seed=2)
+    text = case_text(a_case(replace(mechanism, joints=(replace(mechanism.joints[0], name="turn"),))))
+    head, _, rest = text.partition("[[joint]]")
+    table = f'[[joint]]\nname = "turn"\nkind = "spherical"\npredecessor = "ground"\nsuccessor = "b0"\n{field}\n\n'
+    path = tmp_path / "one.toml"
+    path.write_text(head + table + rest[rest.index("[trajectory]") :], encoding="utf-8")
+    with pytest.raises(InvalidInput, match=words):
+        load_file(path)
+
+
+def test_joints_that_are_not_assembled_in_the_drawing_are_refused_where_people_read_them():
     mechanism = random_mechanism(2, bodies=1)
     apart = replace(mechanism.joints[0], M=Frame(mechanism.joints[0].M.p + 0.1, mechanism.joints[0].M.R))
     with pytest.raises(InvalidInput, match=f"joint '{apart.name}': its frames are .* apart in the drawing"):

@@ -1,8 +1,10 @@
 """The library as users meet it: mechanisms drawn part by part, motions by name, agreement as a table."""
 
+import runpy
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -276,3 +278,19 @@ from consilience.compare import Verdict
 assert room.Verdict is Verdict and cs.compare is room and callable(room)
 """
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+# ---------------------------------------------------------------- types
+
+
+def test_the_script_that_mypy_checks_runs(tmp_path):
+    """Strictly typed in the files of mypy (pyproject.toml): what a user's checker sees of the library."""
+    script = runpy.run_path(str(Path(__file__).parents[1] / "typed" / "user.py"))
+    case = script["pendulum"](1.0)
+    found = script["answers"](case, tmp_path)
+    # rod of length L about its end, radius r: I = m (L^2 / 3 + r^2 / 4), alpha = -m g (L / 2) sin(0.3) / I about +y
+    inertia = 1.0 / 3.0 + 0.01**2 / 4.0
+    assert found["acceleration"] == pytest.approx(-9.81 * 0.5 * np.sin(0.3) / inertia, rel=1e-12)
+    assert found["angle"] == pytest.approx(found["of a state"], abs=1e-7)
+    assert (found["bodies of a file"], found["failures"]) == (1.0, 0.0)
+    assert "pendulum" in script["compared"](case, tmp_path)

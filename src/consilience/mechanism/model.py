@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, fields
 from functools import cached_property
+from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
@@ -126,12 +127,28 @@ class Mechanism:
     html: ClassVar[Callable[[Mechanism], str] | None] = None
     """Function that draws a mechanism for notebooks: the library sets it, which knows how to draw."""
 
+    writer: ClassVar[Callable[[Mechanism, str | Path], Path] | None] = None
+    """Function that writes a mechanism as a case file: the library sets it, which knows files."""
+
     def __repr__(self) -> str:
         elements = [f", {what} '{element.name}'" for what, element in self._elements]
         return f"Mechanism '{self.name}': {len(self.bodies)} bodies, {len(self.joints)} joints{''.join(elements)}"
 
     def _repr_html_(self) -> str | None:
         return None if Mechanism.html is None else Mechanism.html(self)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the mechanism as a case file, which starts at rest in its drawing; return the path.
+
+        The name of the file is the name of what is read from it.
+
+        Raises
+        ------
+        InvalidInput
+            The file cannot be written.
+        """
+        assert Mechanism.writer is not None, "importing consilience sets it"
+        return Mechanism.writer(self, path)
 
     def __post_init__(self) -> None:
         where = f"mechanism '{self.name}'"

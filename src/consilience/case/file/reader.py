@@ -183,7 +183,7 @@ def _mechanism(name: str, table: CaseTable, names: set[str], problems: list[Inva
     drawing = {GROUND: anywhere} | dict.fromkeys(sorted(names), anywhere)
     bodies = gathered(_body, table.body, problems)
     drawing |= {b.name: b.drawing for b in bodies}
-    joints = gathered(lambda j: _joint(j, drawing), table.joint, problems)
+    joints = gathered(lambda j: joint_of(j, drawing), table.joint, problems)
     groups = elements(table, drawing, problems)
     if problems:
         return None
@@ -210,7 +210,7 @@ def _rod_axis(at: Sequence[float], to: Sequence[float], where: str) -> list[floa
     return axis
 
 
-def _joint_axes(j: JointTable) -> Array:
+def _joint_axes(j: JointTable, at: Sequence[float]) -> Array:
     """Axes of F and M in the world of the drawing."""
     where = f"joint '{j.name}'"
     axis = j.axis
@@ -219,7 +219,7 @@ def _joint_axes(j: JointTable) -> Array:
             raise InvalidInput(f"{where}: to", "the field is missing", "Give the other end of the rod in the drawing.")
         if j.axis is not None:
             raise InvalidInput(f"{where}: axis", "a rod has none", "Remove it: z of F is along the rod as drawn.")
-        axis = _rod_axis(j.at, j.to, where)
+        axis = _rod_axis(at, j.to, where)
     elif j.to is not None:
         raise InvalidInput(f"{where}: to", f"a {j.kind} joint has none", "Remove it: only a rod has a second end.")
     if axis is None:
@@ -238,15 +238,41 @@ def _joint_axes(j: JointTable) -> Array:
         raise InvalidInput(f"{where}: axis", str(error), "Give directions that span a frame.") from None
 
 
-def _joint(j: JointTable, drawing: Mapping[str, Frame]) -> Joint:
-    """Joint whose frames F and M are drawn as one frame in the world (of a rod: as two)."""
+def _framed_joint(j: JointTable, where: str) -> Joint:
+    """Joint whose frames are given on its two bodies."""
+    for name in ("at", "axis", "second_axis", "to"):
+        if getattr(j, name) is not None:
+            raise InvalidInput(f"{where}: {name}", "it is drawn, and has frames", "Draw it, or give F and M.")
+    if j.F is None or j.M is None:
+        lacking = "F" if j.F is None else "M"
+        raise InvalidInput(f"{where}: {lacking}", "the field is missing", "Give both frames, F and M.")
+    if (j.kind == "rod") != (j.length is not None):
+        raise InvalidInput(
+            f"{where}: length", "a rod with frames has one, and no other joint", "Give a rod its length."
+        )
+    F, M = (
+        Frame(np.array(f.at), _matrix(f.orientation, f"{where}: {n}.orientation")) for n, f in (("F", j.F), ("M", j.M))
+    )
+    return Joint(j.name, j.kind, j.predecessor, j.successor, F, M, j.length or 0.0, j.pitch or 0.0)
+
+
+def joint_of(j: JointTable, drawing: Mapping[str, Frame]) -> Joint:
+    """Joint whose frames F and M are drawn as one frame in the world (of a rod: as two), or given on its bodies."""
     where = f"joint '{j.name}'"
     if j.kind == "screw" and j.pitch is None:
         raise InvalidInput(f"{where}: pitch", "the field is missing", "Give the advance of the screw in a turn.")
     if j.kind != "screw" and j.pitch is not None:
         raise InvalidInput(f"{where}: pitch", f"a {j.kind} joint has none", "Remove it: only a screw has a pitch.")
-    axes = _joint_axes(j)
     start, end = drawn(drawing, j.predecessor, where), drawn(drawing, j.successor, where)
+    if j.F is not None or j.M is not None:
+        return _framed_joint(j, where)
+    if j.at is None:
+        raise InvalidInput(f"{where}: at", "the field is missing", "Give the origin of its frames in the drawing.")
+    if j.length is not None:
+        raise InvalidInput(
+            f"{where}: length", "it is drawn", "Remove it: the ends of a rod, as drawn, give its length."
+        )
+    axes = _joint_axes(j, j.at)
     at, to = np.array(j.at), np.array(j.at if j.to is None else j.to)
     return Joint(
         name=j.name,

@@ -59,20 +59,30 @@ class BodyTable(TableModel):
     com: Triple = Field([0.0, 0.0, 0.0], description="Centre of mass from the origin, in body axes, m.")
 
 
+class FrameTable(TableModel):
+    """A frame fixed to a body."""
+
+    at: Triple = Field(description="Origin from that of the body, in body axes, m.")
+    orientation: Orientation | None = Field(None, description="Axes in those of the body; default: the same.")
+
+
 class JointTable(TableModel):
-    """A joint, drawn as a frame in the world."""
+    """A joint, drawn as a frame in the world, or with a frame on each of its bodies."""
 
     name: Name
     kind: Literal[tuple(JOINT_KINDS)]  # type: ignore[valid-type]
     predecessor: Name
     successor: Name
-    at: Triple = Field(description="Origin of F (and of M, but for the rod) in the drawing, m.")
+    at: Triple | None = Field(None, description="Origin of F (and of M, but for the rod) in the drawing, m.")
     axis: Triple | None = Field(None, description="z of F and M in the drawing; universal: the axis fixed in F.")
     second_axis: Triple | None = Field(None, description="x of F and M; universal: the axis fixed in M.")
     to: Triple | None = Field(None, description="Rod only: its other end, on the successor, in the drawing, m.")
     pitch: Finite | None = Field(
         None, description="Screw only: advance along the axis in a turn, m; positive for a right-handed one."
     )
+    F: FrameTable | None = Field(None, description="In place of a drawing, with M: the frame on the predecessor.")
+    M: FrameTable | None = Field(None, description="In place of a drawing, with F: the frame on the successor.")
+    length: Positive | None = Field(None, description="Rod with F and M only: its length, m.")
 
 
 class SpringTable(TableModel):

@@ -58,7 +58,7 @@ class InJoint(TableModel):
 
 
 class Orientation(TableModel):
-    """Orientation, in exactly one of four ways."""
+    """Orientation, in exactly one of five ways."""
 
     quaternion: Quaternion | None = Field(
         None, description="Unit quaternion, scalar first; unit to 1e-9, the rounding of its digits is removed."
@@ -69,6 +69,9 @@ class Orientation(TableModel):
     bryant_xyz: Triple | None = Field(None, description="Bryant angles (alpha, beta, gamma) in rad: Rx Ry Rz.")
     three_points: Annotated[list[Triple], Field(min_length=3, max_length=3)] | None = Field(
         None, description="Points O, P, Q in the world: origin, a point on x, a point in the xy plane."
+    )
+    rows: Annotated[list[Triple], Field(min_length=3, max_length=3)] | None = Field(
+        None, description="Rows of the rotation matrix, orthogonal to 1e-9: all digits of a frame from elsewhere."
     )
 
     @model_validator(mode="before")
@@ -89,6 +92,9 @@ class Orientation(TableModel):
         norm = 1.0 if self.quaternion is None else float(np.linalg.norm(self.quaternion))
         if abs(norm - 1.0) > 1e-9:
             raise ValueError(f"the quaternion has norm {norm:.9g}; give a unit quaternion, scalar first")
+        R = np.eye(3) if self.rows is None else np.array(self.rows)
+        if np.max(np.abs(R @ R.T - np.eye(3))) > 1e-9 or np.linalg.det(R) < 0.0:
+            raise ValueError("the rows are no rotation; give an orthogonal matrix of determinant +1")
         return self
 
     def _given(self) -> list[str]:
@@ -105,6 +111,7 @@ _ROTATIONS: dict[str, Callable[[list[Any]], Array]] = {
     "euler_zxz": rotation_from_euler_zxz,
     "bryant_xyz": rotation_from_bryant_xyz,
     "three_points": lambda given: rotation_from_three_points(*given),
+    "rows": np.array,
 }
 """Rotation matrix by each of the ways to give an orientation."""
 

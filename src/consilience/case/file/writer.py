@@ -1,8 +1,9 @@
 """Writer of case files: tables and TOML text of a case, for `reader` and for people.
 
 A case file draws every joint once: frames F and M coincide in the drawing (those of a rod are apart, with z along the
-rod). A mechanism whose frames do not coincide is refused. Numbers keep all their digits, but points and axes are
-converted from bodies to the drawing here and back by the reader: a file written again may differ in last digits.
+rod). A joint whose frames do not coincide is written with a frame on each body. Numbers keep all their digits, but
+points and axes are converted from bodies to the drawing here and back by the reader, which may change last digits.
+Where a file has to be exact, frames are written that the reader does not convert, where it would change a digit.
 """
 
 from __future__ import annotations
@@ -15,7 +16,9 @@ from typing import Any
 import numpy as np
 
 from consilience.case.case import Case
-from consilience.case.file.values import TomlTable
+from consilience.case.file.reader import joint_of
+from consilience.case.file.schema import JointTable
+from consilience.case.file.values import Orientation, TomlTable
 from consilience.case.published import OF_A_JOINT, owner_of
 from consilience.errors import InvalidInput
 from consilience.mechanism import (
@@ -40,6 +43,10 @@ from consilience.mechanism import (
 )
 
 _COINCIDE = 1e-9
+
+_CORRECTIONS = 3
+"""Corrections of a point in the drawing by what the conversion back is off."""
+
 _WORLD = Frame(np.zeros(3), np.eye(3))
 _INERTIA = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
 
@@ -50,10 +57,10 @@ def save_case(subject: Case | Mechanism, path: str | Path) -> Path:
     Raises
     ------
     InvalidInput
-        The mechanism cannot be written as a file, or the file cannot be written.
+        The file cannot be written.
     """
     target = Path(path)
-    text = case_text(subject if isinstance(subject, Case) else Case.of(subject))
+    text = case_text(subject if isinstance(subject, Case) else Case.of(subject), exact=True)
     try:
         target.write_text(text, encoding="utf-8")
     except OSError as error:
@@ -61,20 +68,17 @@ def save_case(subject: Case | Mechanism, path: str | Path) -> Path:
     return target
 
 
-def case_text(case: Case, heading: str = "") -> str:
+def case_text(case: Case, heading: str = "", exact: bool = False) -> str:
     """Return the text of a case file.
 
     Parameters
     ----------
     heading : str
         Remark for the first lines.
-
-    Raises
-    ------
-    InvalidInput
-        The frames of a joint do not coincide in the drawing.
+    exact : bool
+        Whether frames of bodies and joints are to keep their last digits.
     """
-    return table_text(case_table(case), heading)
+    return table_text(case_table(case, exact), heading)
 
 
 def table_text(table: TomlTable, heading: str = "") -> str:
@@ -83,8 +87,8 @@ def table_text(table: TomlTable, heading: str = "") -> str:
     return "\n".join([*lines, *_lines(table), ""])
 
 
-def case_table(case: Case) -> TomlTable:
-    """Return the tables of a case file, by the names of `schema`."""
+def case_table(case: Case, exact: bool = False) -> TomlTable:
+    """Return the tables of a case file, by the names of `schema`; arguments as in `case_text`."""
     mechanism = case.mechanism
     return {
         "title": case.title,
@@ -92,8 +96,8 @@ def case_table(case: Case) -> TomlTable:
         **({"remarks": case.remarks} if case.remarks else {}),
         **({"tags": list(case.tags)} if case.tags else {}),
         "gravity": mechanism.gravity.tolist(),
-        "body": [_body(body) for body in mechanism.bodies],
-        "joint": [_joint(joint, mechanism) for joint in mechanism.joints],
+        "body": [_body(body, exact) for body in mechanism.bodies],
+        "joint": [_joint(joint, mechanism, exact) for joint in mechanism.joints],
         **{name: group for name, group in _elements(mechanism).items() if group},
         "initial": _initial(case.initial),
         "trajectory": {"duration": case.duration, "sample": case.sample, "digits": case.digits},
@@ -110,16 +114,25 @@ def _copied(element: Any, *names: str) -> TomlTable:
     return {name: np.asarray(getattr(element, name)).tolist() for name in ("name", *names)}
 
 
-def _orientation(R: Array) -> TomlTable:
-    return {} if np.array_equal(R, np.eye(3)) else {"orientation": {"quaternion": quaternion_from_rotation(R).tolist()}}
+def _orientation(R: Array, exact: bool) -> TomlTable:
+    if np.array_equal(R, np.eye(3)):
+        return {}
+    quaternion = Orientation(quaternion=quaternion_from_rotation(R).tolist())
+    if exact and not np.array_equal(quaternion.matrix(), R):
+        return {"orientation": {"rows": R.tolist()}}
+    return {"orientation": {"quaternion": quaternion.quaternion}}
 
 
-def _body(body: Body) -> TomlTable:
+def _frame(frame: Frame) -> TomlTable:
+    return {"at": frame.p.tolist(), **_orientation(frame.R, True)}
+
+
+def _body(body: Body, exact: bool) -> TomlTable:
     return {
         "name": body.name,
         "mass": body.mass,
         "at": body.drawing.p.tolist(),
-        **_orientation(body.drawing.R),
+        **_orientation(body.drawing.R, exact),
         "com": body.com.tolist(),
         "inertia": {name: float(body.inertia[place]) for name, place in _INERTIA.items()},
     }
@@ -130,17 +143,41 @@ def _place(mechanism: Mechanism, body: str) -> Frame:
 
 
 def _point(mechanism: Mechanism, body: str, point: Array) -> list[float]:
-    """Point of a body in the drawing."""
+    """Point of a body in the drawing, where possible one of which the reader makes the same digits."""
     place = _place(mechanism, body)
-    return (place.p + place.R @ point).tolist()
+    drawn = place.p + place.R @ point
+    for _ in range(_CORRECTIONS):
+        drawn = drawn + place.R @ (point - place.R.T @ (drawn - place.p))
+    return drawn.tolist()
 
 
 def _direction(mechanism: Mechanism, body: str, direction: Array) -> list[float]:
     return (_place(mechanism, body).R @ direction).tolist()
 
 
-def _joint(joint: Joint, mechanism: Mechanism) -> TomlTable:
-    """Table of a joint whose frames F and M coincide in the drawing; a rod has two ends."""
+def _joint(joint: Joint, mechanism: Mechanism, exact: bool) -> TomlTable:
+    """Table of a joint, drawn; if exact, with frames on its bodies where the drawing would change them."""
+    drawn, apart = _drawn_joint(joint, mechanism)
+    if exact and (apart or not _keeps_digits(drawn, joint, mechanism)):
+        frames = {"F": _frame(joint.F), "M": _frame(joint.M)}
+        own = {"screw": {"pitch": joint.pitch}, "rod": {"length": joint.length}}.get(joint.kind, {})
+        return _copied(joint, "kind", "predecessor", "successor") | own | frames
+    if apart:
+        what = f"its frames are {apart:.2g} apart in the drawing"
+        raise InvalidInput(f"joint '{joint.name}'", what, "Draw it in an assembled pose.")
+    return drawn
+
+
+def _keeps_digits(drawn: TomlTable, joint: Joint, mechanism: Mechanism) -> bool:
+    """Tell whether the reader makes the same frames of the table of a joint."""
+    places = {name: _place(mechanism, name) for name in (joint.predecessor, joint.successor)}
+    read = joint_of(JointTable.model_validate(drawn), places)
+    pairs = (joint.F.p, read.F.p), (joint.F.R, read.F.R), (joint.M.p, read.M.p), (joint.M.R, read.M.R)
+    return read.length == joint.length and all(np.array_equal(one, other) for one, other in pairs)
+
+
+def _drawn_joint(joint: Joint, mechanism: Mechanism) -> tuple[TomlTable, float]:
+    """Table of a joint in the drawing, a rod with two ends, and how far its frames are apart there, 0 for rounding."""
     start, end = _place(mechanism, joint.predecessor), _place(mechanism, joint.successor)
     at, to = start.p + start.R @ joint.F.p, end.p + end.R @ joint.M.p
     axes, others = start.R @ joint.F.R, end.R @ joint.M.R
@@ -156,11 +193,8 @@ def _joint(joint: Joint, mechanism: Mechanism) -> TomlTable:
             table |= {"axis": axes[:, 2].tolist(), "second_axis": axes[:, 0].tolist()}
         elif joint.kind not in ("spherical", "free", "rigid"):
             table |= {"axis": [0.0, 0.0, 1.0], "second_axis": [1.0, 0.0, 0.0]}
-    if apart > _COINCIDE * max(1.0, float(np.max(np.abs(at)))):
-        raise InvalidInput(
-            f"joint '{joint.name}'", f"its frames are {apart:.2g} apart in the drawing", "Draw it in an assembled pose."
-        )
-    return table | ({"pitch": joint.pitch} if joint.kind == "screw" else {})
+    rounding = apart <= _COINCIDE * max(1.0, float(np.max(np.abs(at))))
+    return table | ({"pitch": joint.pitch} if joint.kind == "screw" else {}), 0.0 if rounding else apart
 
 
 # ---------------------------------------------------------------- elements
