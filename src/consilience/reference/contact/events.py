@@ -142,13 +142,18 @@ class _Column:
         rises = self.rate[k] > 0.0 > self.rate[k + 1]
         return self._turning(k) if rises else float(self.nodes[k])
 
+    def _tangents_meet(self, k: int) -> float:
+        """Return the value at which the tangents at the ends of part k meet, below which no convex function falls."""
+        (a, b), (falls, rises) = self.value[k : k + 2], self.rate[k : k + 2]
+        return float((a * rises - b * falls + falls * rises * (self.nodes[k + 1] - self.nodes[k])) / (rises - falls))
+
     def _lowest(self, k: int) -> float | None:
         """Return a time in part k at which the function is negative though it is not at its ends; None: nowhere."""
         value, nodes = self.value, self.nodes
         if value[k] <= 0.0 or value[k + 1] < 0.0:
             return None
         if np.isfinite(self.rate[k]):
-            if not self.rate[k] < 0.0 < self.rate[k + 1]:
+            if not self.rate[k] < 0.0 < self.rate[k + 1] or self._tangents_meet(k) > 0.0:
                 return None
             low = self._turning(k)
         else:
