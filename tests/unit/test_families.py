@@ -17,6 +17,7 @@ from consilience.errors import InvalidInput
 from consilience.mechanism import free_directions
 from consilience.reference import simulate
 from consilience.reference.contact import simulate_with_contacts
+from oracles.closed_forms.sliding import coulomb_slide, polygon_slide
 
 KNOWN = {
     "windows:count=1": 1e-8,  # passes the pose with all rods collinear, where the reference loses digits
@@ -233,3 +234,24 @@ def test_links_of_chains_move_like_beads(name):
     shape = shapes[:, k] / shapes[-1, k] * displacements[-1]
     assert np.abs(shape - displacements).max() < 1e-12 * np.abs(displacements).max()
     assert f"w = {np.sqrt(squares[k]):.6g} rad/s" in table["remarks"]
+
+
+@pytest.mark.parametrize("cone", ["circle", "pyramid", "box"])
+@pytest.mark.parametrize(("slope", "heading"), [(0, 20), (0, -110), (15, -130), (15, 180)])
+def test_a_cube_stops_where_a_slide_by_the_law_of_its_cone_ends(cone, slope, heading):
+    (case,) = family_cases(f"sliding_cube:slope={slope},heading={heading},cone={cone}")
+    if slope and cone != "circle":
+        assert not case.published
+        return
+    body, start, a, th = case.mechanism.bodies[0], case.initial_state, np.radians(slope), np.radians(heading)
+    B, v = 0.4 * 9.81 * np.cos(a), 2.0 * np.array([np.cos(th), np.sin(th)])
+    vertices = {"pyramid": [[1, 0], [0, 1], [-1, 0], [0, -1]], "box": [[1, 1], [-1, 1], [-1, -1], [1, -1]]}
+    if cone == "circle":
+        way = coulomb_slide([9.81 * np.sin(a), 0.0], B, v, 9.0)[1]
+    else:
+        way = polygon_slide(vertices[cone], B, v, 9.0)[1]
+    n = case.mechanism.contacts[0].normal
+    t1 = np.array([1.0, 0.0, 0.0]) - n[0] * n
+    t1 /= np.linalg.norm(t1)
+    place = start.p_WB[0] + start.R_WB[0] @ body.com + way[0] * t1 + way[1] * np.cross(n, t1)
+    assert [known.value for known in case.published] == pytest.approx(place, abs=1e-12)

@@ -99,8 +99,8 @@ def _sliding(mechanism: Mechanism, start: State, velocity: Array) -> State:
     y = np.hstack([state.v_WB_W, state.w_WB_W]).ravel()
     free, rows = free_directions(mechanism, start), closing_rows(mechanism, start)
     y -= free @ np.linalg.lstsq(rows @ free, rows @ y, rcond=RANK_TOLERANCE)[0]
-    y = y.reshape(-1, 6)
-    return State(start.p_WB, start.quat_WB, y[:, :3], y[:, 3:])
+    twists = y.reshape(-1, 6)
+    return State(start.p_WB, start.quat_WB, twists[:, :3], twists[:, 3:])
 
 
 def _stuck(mechanism: Mechanism, start: State) -> str:
