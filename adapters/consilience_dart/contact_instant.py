@@ -20,7 +20,7 @@ from consilience_dart.translation import Model
 CLOSED = 1e-9
 """Gap in m, and its rate, up to which a contact is closed."""
 
-STEP = 1e-3
+STEP = 1.25e-4
 """Longest step in s; much shorter ones are spoilt by rounding."""
 
 TURN, FRICTION = 1e-2, 30.0
@@ -30,8 +30,9 @@ UNTURNED = 1e-6
 """Largest acceleration of a closed gap at constant rates of the coordinates, in m/s^2."""
 
 
-MOST_ITERATIONS, FINE = 1000, 1e-12
-"""Of the solver of friction: 100 iterations, its default, are too few for the first steps of a box that tips."""
+MOST_ITERATIONS, FINE = 20000, 1e-12
+"""Of the solver of friction: 100 iterations, its default, are too few for the first steps of a box that tips, and
+1000 for a ball that rolls in a trough."""
 
 
 def _slowest(model: Model, touching: Touching, state: State) -> float:
