@@ -124,7 +124,7 @@ def _instant(settings: dict[str, Any], law: str) -> Method:
 
 def _gains(mechanism: Mechanism, restitution: bool) -> dict[str, Any]:
     """Describe the gains of a motion."""
-    follow = f"friction 1/h, others 0.6/h with a relaxation in {RELAXATION:g} sample intervals"
+    follow = f"friction 1/h, others 0.6/h with a relaxation in {RELAXATION:g} sample intervals, 1 of stops"
     bounce = f"; with restitution stiffness {BOUNCE:g} 1/s^2 over the inertia, damping by the restitution"
     text = follow + (bounce if restitution else "")
     found = {"pair_solref, pair_solreffriction": text} if mechanism.contacts else {}

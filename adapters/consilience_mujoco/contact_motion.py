@@ -28,8 +28,8 @@ from consilience_mujoco.evaluate import mass_matrix
 from consilience_mujoco.messages import EngineWarningError
 from consilience_mujoco.translate import Translation
 
-RELAXATION = 0.2
-"""Time in which an overlap without restitution decays, over the sample interval."""
+RELAXATION, RELAXATION_OF_STOPS = 0.2, 1.0
+"""Time in which an overlap without restitution decays, over the sample interval: the slower, the smaller the rebound."""
 
 _SLIDING, _NORMAL = 1.0, 0.6
 """Damping of friction and of the normal direction, times the step: RK4 is stable below 2.78."""
@@ -84,7 +84,8 @@ def set_gains(translation: Translation, state: State, interval: float, softness:
     normal = _normal_forces(t, state)
     inertia = _inverse_inertias(t)
     step = float(model.opt.timestep)
-    slow = _NORMAL / step, _NORMAL / (step * RELAXATION * interval)
+    damping = _NORMAL / step
+    slow = damping, damping / (RELAXATION * interval)
     model.pair_margin[:] = model.jnt_margin[:] = 0.0
     for touch, A in zip(t.touches, inertia, strict=True):
         rough = touch.part.friction > 0.0
@@ -96,7 +97,7 @@ def set_gains(translation: Translation, state: State, interval: float, softness:
         if rough:  # the overlap under the force at the start is at a gap of zero
             model.pair_margin[touch.pair] = normal.get(touch.pair, 0.0) * A / k
     for limit in t.limits:
-        b, k = _gains(limit.restitution, slow, softness)
+        b, k = _gains(limit.restitution, (damping, damping / (RELAXATION_OF_STOPS * interval)), softness)
         model.jnt_solref[limit.joint] = _solref(k, b, 1.0)
     model.dof_solref[:] = _solref(0.0, _SLIDING / step, 1.0)
 

@@ -8,12 +8,18 @@ import pytest
 from consilience.engine import Profile, Question, Route, defects
 from consilience.mechanism import (
     GROUND,
+    Body,
     BoxPlane,
     CapsulePlane,
     DiscPlane,
+    DryFriction,
+    Frame,
     Initial,
+    Joint,
+    Mechanism,
     SpherePlane,
     SphereSphere,
+    Stop,
     initial_state,
     rotation_with_z_axis,
 )
@@ -262,6 +268,19 @@ def test_a_pendulum_bounces_to_rest_on_a_stop():
     answer = motion(mechanism, state, 2.0, 20, 0)
     close((LAB.angle(answer), answer.w_WB_W[-1, 0]), ([0.3], np.zeros(3)), 2e-3)
     assert stop_torque(0.3) == pytest.approx(1.44952661367387)
+
+
+def test_a_stop_without_restitution_catches_a_joint_that_the_tree_passes_backwards():
+    here = Frame(np.zeros(3), np.eye(3))
+    hinge = Joint("hinge", "revolute", "wheel", GROUND, here, here)
+    wheel = Body("wheel", 1.0, np.zeros(3), 0.5 * np.eye(3), here)
+    stop, brake = Stop("stop", "hinge", "angle", -1.0, 0.2), DryFriction("brake", "hinge", "angle", 0.3)
+    mechanism = Mechanism("wheel", np.zeros(3), (wheel,), (hinge,), stops=(stop,), dry_frictions=(brake,))
+    state = initial_state(mechanism, Initial({"hinge": {"angle": 0.0}}, {"hinge": {"angle": 3.0}}))
+    start = ENGINE.instant(mechanism, [state], ENGINE.methods(mechanism, I)[0])
+    close((start.alpha_WB_W,), ([0.0, 0.0, 0.6],), 1e-12)
+    answer = motion(mechanism, state, 0.2, 4)
+    close((2.0 * np.arctan2(answer.quat_WB[-1, 0, 3], answer.quat_WB[-1, 0, 0]),), (-0.2,), 1e-3)
 
 
 LEVEL_LAB = Lab(axes=np.eye(3), principal=turned(0.0, 0.0, 0.4))
