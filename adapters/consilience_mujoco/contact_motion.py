@@ -29,7 +29,7 @@ from consilience_mujoco.messages import EngineWarningError
 from consilience_mujoco.translate import Translation
 
 RELAXATION, RELAXATION_OF_STOPS = 0.2, 1.0
-"""Time in which an overlap without restitution decays, over the sample interval: the slower, the smaller the rebound."""
+"""Time in which an overlap without restitution decays, over the sample interval: slowly means small rebounds."""
 
 _SLIDING, _NORMAL = 1.0, 0.6
 """Damping of friction and of the normal direction, times the step: RK4 is stable below 2.78."""
