@@ -9,6 +9,7 @@ with the rows J of `layout` and the forces p on them. With ``M = L L^T`` and P t
 
 a_0 the accelerations without p. In known modes ``p = constant + S x`` and ``E u' = 0`` (see `problem`) give p, and
 ``a = a_0 + L^-T K^T p``. Joint rows that depend on one another are harmless: P comes from singular values.
+`derivative` has the same compiled, for known modes.
 """
 
 from __future__ import annotations
@@ -21,12 +22,11 @@ from consilience.mechanism import RANK_TOLERANCE, Array
 from consilience.reference.bodies import constraints, forces
 from consilience.reference.bodies.arrays import workspace
 from consilience.reference.bodies.motion import rotations
+from consilience.reference.contact.derivative import ActiveModes, ContactSystem, accelerations, rates
 from consilience.reference.contact.layout import RowLayout
 from consilience.reference.contact.pairs import RowMotion, move_rows, row_motion
 from consilience.reference.contact.problem import ContactProblem, FrictionMode, FrictionSet
-
-RANK = 1e-9
-"""Singular values of the scaled system of given modes below this count as zero: dependent contacts."""
+from consilience.reference.kernel.mechanism_record import record_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,18 +83,22 @@ class ContactEquations:
     layout : RowLayout
     rows : RowMotion
         Of the last state.
-    rank : int
+    rank : ndarray of int, shape (1,)
         Upper limit of the rank of the joint rows.
-    held : float, m/s
-        Slip below which the direction of friction is the heading.
+    acting : list of int
+        Friction sets of the modes taken over.
+    held : ndarray, shape (n_f,), m/s
+        Slip of each friction set below which the direction of its force is the heading.
     """
 
     def __init__(self, layout: RowLayout) -> None:
         self.layout, self.model = layout, layout.model
         bodies = len(self.model.mass)
         self._ws = workspace(self.model)
-        self.rows: RowMotion = row_motion(len(layout.parts), len(layout.limits), len(layout.names), bodies)
-        self.rank, self.held = len(self._ws.Q), 0.0
+        self.rows: RowMotion = record_of(row_motion(len(layout.parts), len(layout.limits), len(layout.names), bodies))
+        self.rank, self.held = np.array([len(self._ws.Q)]), np.zeros(len(layout.friction))
+        self.acting: list[int] = []
+        self.activate(open_modes(layout))
         self.inverse = np.zeros((6 * bodies, 6 * bodies))  # L^-1
         for b in range(bodies):
             o = 6 * b
@@ -122,14 +126,14 @@ class ContactEquations:
         if len(ws.Q):
             constraints.evaluate(self.model, t, y, turns, ws)
             U, singular, Vt = np.linalg.svd(self.inverse @ ws.Q.T, full_matrices=False)
-            rank = min(self.rank, int(np.sum(singular > RANK_TOLERANCE * singular[0])))
+            rank = min(int(self.rank[0]), int(np.sum(singular > RANK_TOLERANCE * singular[0])))
             self.U, self.pseudo = U[:, :rank], Vt[:rank].T / singular[:rank]
             z = z - self.U @ (self.U.T @ z) + self.U @ (self.pseudo.T @ ws.gamma)
             for _ in range(2):  # the second pass removes rounding errors along the joints
                 K = K - self.U @ (self.U.T @ K)
         return Response(z, K.T, load.T @ z + rows.bias, load)
 
-    def accelerations(self, response: Response, p: Array) -> Array:
+    def accelerations_under(self, response: Response, p: Array) -> Array:
         """Return (dv/dt, dw'/dt) of all bodies, shape (6 n_b,), under forces p on the rows."""
         return self.inverse.T @ (response.z + response.K.T @ p)
 
@@ -184,50 +188,69 @@ class ContactEquations:
         )
         return problem, rows, np.array(sets, dtype=np.int64)
 
-    def forces(self, response: Response, modes: RowModes) -> Array:
-        """Return the forces on all rows in given modes, of least norm, shape (m,)."""
-        constant, S, E = self._active(modes)
-        if not len(E):
-            return constant
-        G = response.K @ response.K.T
-        size = np.abs(E) @ np.linalg.norm(response.load, axis=0)
-        system = (E @ G @ (S / size)) / size[:, None]
-        wanted = -(E @ (response.free + G @ constant)) / size
-        U, singular, Vt = np.linalg.svd(system)
-        rank = int(np.sum(singular > RANK * max(1.0, singular[0])))
-        inverse = Vt[:rank].T / singular[:rank] @ U[:, :rank].T
-        x = inverse @ wanted
-        x += inverse @ (wanted - system @ x)
-        return np.asarray(constant + (S / size) @ x)
+    def activate(self, modes: RowModes) -> None:
+        """Take over modes for `rates` and `row_forces`."""
+        layout = self.layout
+        normal = [n for n, closed in zip(layout.normals, modes.closed, strict=True) if closed]
+        self.acting = [j for j, mode in enumerate(modes.friction) if mode is not None]
+        sets = len(self.acting)
+        active = ActiveModes(
+            normal=np.array(normal, dtype=np.int64),
+            row=np.full((sets, 2), -1),
+            load=np.full(sets, -1),
+            offset=np.zeros(sets),
+            disc=np.zeros(sets),
+            heading=np.zeros((sets, 3)),
+            pair=np.zeros(sets, dtype=np.int64),
+            slow=np.zeros(sets),
+            drag=np.zeros((sets, 2)),
+            held=np.zeros((sets, 2, 2)),
+            holds=np.zeros(sets, dtype=np.int64),
+            rank=self.rank,
+            owner=layout.site[3 * np.arange(len(layout.parts))],
+        )
+        for k, j in enumerate(self.acting):
+            one, mode, heading = layout.friction[j], modes.friction[j], modes.heading[j]
+            assert mode is not None
+            d = len(one.rows)
+            active.row[k, :d], active.drag[k, :d], active.holds[k] = one.rows, mode.drag, len(mode.held)
+            active.held[k, : len(mode.held), :d] = mode.held
+            active.offset[k], active.load[k] = one.offset, -1 if one.load is None else normal.index(one.load)
+            if heading is not None and one.is_disc:
+                active.pair[k] = self._pair_of(one)
+                active.disc[k], active.slow[k] = one.kinetic, self.held[j]
+                active.heading[k] = heading @ self.rows.frame[active.pair[k], 1:]
+        self._modes = active
+        self._system = record_of(
+            ContactSystem(self.model, layout.pairs, layout.limits, self.rows, self._ws, record_of(active))
+        )
 
-    def _active(self, modes: RowModes) -> tuple[Array, Array, Array]:
-        """Return constant, S and E of given modes at the last state, as `mode_system.columns_and_rows`."""
-        layout, m = self.layout, len(self.layout.names)
-        constant, columns, rows = np.zeros(m), [], []
-        of_normal = {}
-        for n, closed in zip(layout.normals, modes.closed, strict=True):
-            if closed:
-                column, row = np.zeros(m), np.zeros(m)
-                column[n] = row[n] = 1.0
-                of_normal[n] = column
-                columns.append(column)
-                rows.append(row)
-        for one, mode, heading in zip(layout.friction, modes.friction, modes.heading, strict=True):
-            if mode is None:
+    def _pair_of(self, one: FrictionSet) -> int:
+        """Return the pair of shapes of the friction of a contact."""
+        assert one.load is not None
+        return one.load // 3
+
+    def turn(self, heading: tuple[Array | None, ...]) -> None:
+        """Take over headings of what slides at the last state, faster than they are held."""
+        for k, j in enumerate(self.acting):
+            one, along = self.layout.friction[j], heading[j]
+            if along is None or not one.is_disc:
                 continue
-            at = list(one.rows)
-            drag = mode.drag
-            if heading is not None and len(at) == 2 and one.facets == 0:
-                drag = -one.kinetic * direction(self.rows.u[at], heading, self.held)
-            if one.load is not None:
-                of_normal[one.load][at] += drag
-            constant[at] += one.offset * drag
-            for held in mode.held:
-                row = np.zeros(m)
-                row[at] = held
-                columns.append(row)
-                rows.append(row)
-        return constant, np.array(columns).reshape(-1, m).T, np.array(rows).reshape(-1, m)
+            self._modes.slow[k] = self.held[j]
+            if float(np.linalg.norm(self.rows.u[list(one.rows)])) > self.held[j]:
+                self._modes.heading[k] = along @ self.rows.frame[self._modes.pair[k], 1:]
+
+    def rates(self, t: float, Y: Array, turns: Array) -> Array:
+        """Return the derivative of a state with impulses and loss, in the modes taken over (`derivative.rates`)."""
+        dY = np.zeros_like(Y)
+        rates(self._system, t, Y, turns, dY)
+        return dY
+
+    def row_forces(self, t: float, y: Array, turns: Array) -> Array:
+        """Return the forces on all rows at a packed state, in the modes taken over, of least norm, shape (m,)."""
+        a, p = np.zeros(len(self.inverse)), np.zeros(len(self.layout.names))
+        accelerations(self._system, t, y, turns, a, p)
+        return p
 
 
 def direction(slip: Array, heading: Array, held: float) -> Array:

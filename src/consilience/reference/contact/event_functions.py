@@ -62,8 +62,7 @@ class EventFunctions:
         layout, modes, equations = self._layout, stepper.modes, self._equations
         p = np.zeros(0)
         if any(w.kind in ("normal", "margin", "group") for w in self.watches):
-            response = stepper.respond(t, y)
-            p = equations.forces(response, modes)
+            p = equations.row_forces(t, y, stepper.turns)
         else:
             equations.move(t, y, stepper.turns)
         rows = equations.rows
@@ -75,6 +74,7 @@ class EventFunctions:
             elif watch.kind == "normal":
                 values[w] = p[layout.normals[k]]
             elif watch.kind == "group":
+                response = stepper.respond(t, y)
                 values[w] = widest_margin(equations, response, modes, sliding_rates(equations, modes, 0.0))[0]
             else:
                 values[w] = self._of_friction(watch.kind, k, stepper, p)

@@ -57,6 +57,18 @@ class Watch:
     scale: float
 
 
+def start_of_slip(one: FrictionSet, mode: FrictionMode | None, force: Array) -> Array:
+    """Return the heading in which a friction set starts to slide at its bound, shape (d,): along the normal of the set.
+
+    Of a disc, and of one row, it is opposite to the force; of a pyramid that sticks, across the facet reached.
+    """
+    T, vertices = force[list(one.rows)], one.vertices
+    if mode is None or mode.reach or vertices is None or len(one.rows) == 1:
+        return -T
+    middles = 0.5 * (vertices + np.roll(vertices, -1, axis=0))
+    return -middles[int(np.argmax(middles @ T))]
+
+
 def friction_margin(one: FrictionSet, mode: FrictionMode, force: Array) -> float:
     """Return how far the force of a friction set with held directions is from its bound, N (N m).
 
@@ -126,11 +138,11 @@ class _Column:
             low = self._lowest(k) if armed and dips else None
             if low is not None:
                 return self._root(nodes[k], low), True
-            top = self._highest(k) if value[k] <= 0.0 and armed else nodes[k]
+            top = self._highest(k) if armed and value[k + 1] < 0.0 else nodes[k]
             if value[k + 1] < 0.0 and armed and (value[k] > 0.0 or top > nodes[k]):
                 return self._root(top, nodes[k + 1]), True
-            if value[k + 1] < -ready:  # a mode that has just begun cannot last
-                return float(nodes[k]), True
+            if value[k + 1] < -ready:  # a mode that has just begun does not last
+                return self._root(nodes[k], nodes[k + 1], -ready), True
         return None, armed or bool(value[-1] > ready)
 
     def _turning(self, k: int) -> float:
@@ -166,10 +178,10 @@ class _Column:
             low = float(scipy.optimize.minimize_scalar(self._at, bounds=bounds, method="bounded").x)
         return low if self._at(low) < 0.0 else None
 
-    def _root(self, start: float, end: float) -> float:
-        """Return the zero between two times, positive at the first."""
-        if self._at(start) <= 0.0:
+    def _root(self, start: float, end: float, level: float = 0.0) -> float:
+        """Return the time between two others at which the function falls through a level."""
+        if self._at(start) <= level:
             return float(start)
-        if self._at(end) >= 0.0:
+        if self._at(end) >= level:
             return float(end)
-        return float(scipy.optimize.brentq(self._at, start, end, xtol=1e-15, rtol=1e-15))
+        return float(scipy.optimize.brentq(lambda t: self._at(t) - level, start, end, xtol=1e-15, rtol=1e-15))

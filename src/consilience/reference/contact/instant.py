@@ -66,7 +66,7 @@ def _at(equations: ContactEquations, mechanism: Mechanism, state: State, t: floa
     stepper = Stepper(equations, state, t, 1e-12, open_modes(layout))
     response = stepper.respond(t, stepper.y)
     found = _touching(equations, response, mechanism, state, t)
-    a = equations.accelerations(response, found.force)
+    a = equations.accelerations_under(response, found.force)
     wrenches = joint_wrenches(layout.smooth, state, equations.multipliers(response, found.force))
     return (*at_origins(layout.smooth, stepper.y, a), wrenches, stepper.contact_forces(found.force))
 

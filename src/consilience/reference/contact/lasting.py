@@ -153,19 +153,25 @@ def problem_in_modes(
 
 def widest_margin(
     equations: ContactEquations, response: Response, modes: RowModes, sliding: Array
-) -> tuple[float, int, int, Array]:
-    """Return the widest margin of undetermined forces, the normal and the friction set that bind, and the forces.
+) -> tuple[float, Array, Array, Array]:
+    """Return the widest margin of undetermined forces.
 
-    -1 for what does not bind.
+    Returns
+    -------
+    float
+        The margin, N (N m).
+    of_normal, of_friction : ndarray, shape (n_n,) and (n_f,)
+        Margins of all normals and friction sets; infinite where none binds.
+    force : ndarray, shape (m,)
+        The forces that attain it.
     """
     problem, given, rows, normals, sets = problem_in_modes(equations, response, modes, sliding)
     margin = sticking_margin(problem, given)
+    of_normal, of_friction = (np.full(len(part), np.inf) for part in (modes.closed, modes.friction))
+    of_normal[normals], of_friction[sets] = margin.of_normal, margin.of_friction
     force = np.zeros(len(response.free))
     force[rows] = margin.force
-    normal = int(normals[np.argmin(margin.of_normal)]) if len(normals) else -1
-    friction = int(sets[np.argmin(margin.of_friction)]) if len(sets) else -1
-    pulls = len(normals) and np.min(margin.of_normal) <= np.min(margin.of_friction, initial=np.inf)
-    return margin.value, normal if pulls else -1, -1 if pulls else friction, force
+    return margin.value, of_normal, of_friction, force
 
 
 def sliding_rates(equations: ContactEquations, modes: RowModes | None, least: float) -> Array:

@@ -86,6 +86,11 @@ class FrictionSet:
     angle: float = 0.0
 
     @property
+    def is_disc(self) -> bool:
+        """Whether the unit set is a disc, so that the direction of sliding friction follows the velocity."""
+        return len(self.rows) == 2 and self.facets == 0
+
+    @property
     def vertices(self) -> Array | None:
         """Vertices of the unit set D in order, shape (k, d); None for a disc."""
         if len(self.rows) == 1:

@@ -24,9 +24,9 @@ from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Array, Contact, Mechanism, State, characteristic_length
 from consilience.reference.bodies.canonical import sample_times
 from consilience.reference.contact.bounces import Bounces
-from consilience.reference.contact.equations import ContactEquations, RowModes, direction, open_modes
+from consilience.reference.contact.equations import ContactEquations, direction, open_modes
 from consilience.reference.contact.event_functions import EventFunctions
-from consilience.reference.contact.events import PARTS, Watch, first_zero
+from consilience.reference.contact.events import PARTS, Watch, first_zero, start_of_slip
 from consilience.reference.contact.geometry import check_contacts
 from consilience.reference.contact.impact import Impact, apply_impact
 from consilience.reference.contact.lasting import decide_lasting, require_unique, sliding_rates, widest_margin
@@ -41,9 +41,9 @@ GRAZING = 1e-13
 """Largest overlap without impact, over the length of the mechanism."""
 
 _STILL = 1e-11  # rates that count as zero, over the speeds of the mechanism
-_SLOW = 1e-3  # slip below which the direction of friction is stiff, over the same
-_SEED = 1e-11  # slip with which a contact starts to slide in a plane, over the same
-_HELD = 1e-12  # slip below which the direction of friction does not follow it, over the same
+_STOPPING = 1e-12  # slip below which the heading of what stops is held, over the same
+_HELD = 1e-6  # slip up to which the heading of what starts to slide in a plane is held, over the same
+_BINDING = 1e-7  # margins of undetermined forces that count as equal, over the forces
 _STOPPED = 1e-9  # slip across the heading with which a contact stops, over the same
 _CHAIN = 1000  # impacts at one instant
 _CRAWL = 1e-8
@@ -108,7 +108,6 @@ class _ContactSimulation:
         self.length = max([characteristic_length(mechanism), *radii])
         gravity = float(np.linalg.norm(mechanism.gravity))
         self.speed = max(float(np.sqrt(gravity * self.length)), 1e-6 * self.length)
-        self.equations.held = _HELD * self.speed
         self.bounces = Bounces(self.layout, self.length)
         self.functions = EventFunctions(self.equations, self.length)
 
@@ -163,7 +162,7 @@ class _ContactSimulation:
 
     def _turn_headings(self) -> None:
         """Let the headings of what slides follow the velocities."""
-        modes, heading = self.stepper.modes, list(self.stepper.modes.heading)
+        heading = list(self.stepper.modes.heading)
         if all(h is None for h in heading):
             return
         rows = self.equations.move(self.stepper.t, self.stepper.y, self.stepper.turns)
@@ -171,8 +170,10 @@ class _ContactSimulation:
             if h is not None and len(h) == 2 and self.layout.friction[j].facets == 0:
                 slip = rows.u[list(self.layout.friction[j].rows)]
                 if float(np.linalg.norm(slip)) > _STILL * self.speed:
-                    heading[j] = direction(slip, h, self.equations.held)
-        self.stepper.modes = replace(modes, heading=tuple(heading))
+                    heading[j] = direction(slip, h, float(self.equations.held[j]))
+                    if float(np.linalg.norm(slip)) > self.equations.held[j]:
+                        self.equations.held[j] = _STOPPING * self.speed
+        self.stepper.turn(tuple(heading))
 
     def _stops(self, t: float, watch: Watch) -> bool:
         """Return whether the slip of a friction set vanishes at t, rather than turns away from its heading."""
@@ -181,19 +182,14 @@ class _ContactSimulation:
         return len(slip) == 1 or bool(np.linalg.norm(slip) <= _STOPPED * watch.scale)
 
     def _slow_slip(self) -> None:
-        """Leave the implicit method once every slip is fast; stop what has slipped to a halt along a curve."""
-        if self.stepper.method == "stiff":
-            slow = [s for _, s in self._slips() if s < _SLOW * self.speed]
-            if not slow:
-                self.stepper.change_modes(self.stepper.modes)
-            return
+        """Stop what has slipped to a halt along a curve."""
         response = None
         for j, slip in self._slips():
-            if slip < _STOPPED * self.speed:
+            if slip < _STOPPED * self.speed and self.equations.held[j] < _STOPPED * self.speed:
                 rows = list(self.layout.friction[j].rows)
                 if response is None:
                     response = self.stepper.respond(self.stepper.t, self.stepper.y)
-                    force = self.equations.forces(response, self.stepper.modes)
+                    force = self.stepper.forces()
                     a = response.free + response.K @ (response.K.T @ force)
                 if float(self.equations.rows.u[rows] @ a[rows]) < 0.0:
                     self._settle(frozenset(), {}, frozenset([j]))
@@ -245,14 +241,19 @@ class _ContactSimulation:
             stopped.add(watch.index)
         elif watch.kind != "gap":
             response = self.stepper.respond(self.stepper.t, self.stepper.y)
-            force, normal, friction = self.equations.forces(response, modes), watch.index, watch.index
+            force = self.stepper.forces()
+            normals = [watch.index] if watch.kind == "normal" else []
+            sets = [watch.index] if watch.kind == "margin" else []
             if watch.kind == "group":
                 sliding = sliding_rates(self.equations, modes, 0.0)
-                _, normal, friction, force = widest_margin(self.equations, response, modes, sliding)
-            if watch.kind == "normal" or (watch.kind == "group" and normal >= 0):
-                opened.add(normal)
-            else:
-                started[friction] = -force[list(self.layout.friction[friction].rows)]
+                value, of_normal, of_friction, force = widest_margin(self.equations, response, modes, sliding)
+                binding = value + _BINDING * watch.scale
+                normals, sets = (np.flatnonzero(part <= binding).tolist() for part in (of_normal, of_friction))
+                sets = [
+                    j for j in sets if self.layout.friction[j].load not in [self.layout.normals[n] for n in normals]
+                ]
+            opened.update(normals)
+            started = {j: start_of_slip(self.layout.friction[j], modes.friction[j], force) for j in sets}
         self._settle(frozenset(opened), started, frozenset(stopped))
 
     def _settle(
@@ -279,24 +280,13 @@ class _ContactSimulation:
             ),
             self.stepper.t,
         )
-        method = "stiff" if any(self._starts(found.modes, j) for j in started) else "explicit"
-        self.stepper.change_modes(found.modes, method)
-        if method == "stiff":
-            self._seed(found.modes, set(started))
+        self.equations.held[:] = _STOPPING * self.speed
+        self.equations.held[list(started)] = _HELD * self.speed
+        self.stepper.change_modes(found.modes)
         if not first:
             self.samples.compare(self.stepper.t, before, found.modes, hit)
         self.functions.renew(found, self.stepper, self.speed)
         self.bounces.note(found)
-
-    def _starts(self, modes: RowModes, j: int) -> bool:
-        heading = modes.heading[j]
-        return heading is not None and len(heading) == 2 and self.layout.friction[j].facets == 0
-
-    def _seed(self, modes: RowModes, started: set[int]) -> None:
-        """Give what starts to slide in a plane a speed along its heading, so that the heading exists."""
-        for j in started:
-            if self._starts(modes, j):
-                self.stepper.nudge(list(self.layout.friction[j].rows), _SEED * self.speed * modes.heading[j])
 
     def _speeds(self) -> float:
         """Return the speed of the fastest body, or that of falling by the length of the mechanism."""

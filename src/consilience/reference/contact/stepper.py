@@ -1,14 +1,13 @@
 """Integration between events, step by step, with dense output; projection of states onto what lasts.
 
-Steps are those of SciPy's Dormand-Prince 8(5,3); of its Radau IIA while a contact slides so slowly that the direction
-of its friction adapts faster than anything else moves (the equation is stiff there: the decay rate of the velocity
-across the heading is ``mu N / (m |u_t|)``). After each step positions and velocities are projected, in the mass metric,
-onto the joints, the gaps of closed contacts and the rates of sticking ones. Impulses of contacts and the energy that
-they lose are integrated along.
+Steps are those of SciPy's Dormand-Prince 8(5,3). After each step positions and velocities are projected, in the mass
+metric, onto the joints, the gaps of closed contacts and the rates of sticking ones. Impulses of contacts and the energy
+that they lose are integrated along.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,11 +16,9 @@ import scipy
 from consilience.errors import NumericalFailure
 from consilience.mechanism import RANK_TOLERANCE, Array, State
 from consilience.reference.bodies.arrays import pack, unpack, workspace
-from consilience.reference.bodies.forces import control_errors, count_turns
+from consilience.reference.bodies.forces import count_turns
 from consilience.reference.bodies.projection import normalise
 from consilience.reference.contact.equations import ContactEquations, Response, RowModes
-
-_METHODS = {"explicit": scipy.integrate.DOP853, "stiff": scipy.integrate.Radau}
 
 
 class Stepper:
@@ -32,14 +29,12 @@ class Stepper:
     t, started : float, s
         End and start of the last step.
     modes : RowModes
-    method : str
-        ``explicit`` or ``stiff``.
     counters : dict of str to int
         Accepted steps and evaluations of the derivative.
     """
 
     def __init__(self, equations: ContactEquations, state: State, t: float, tolerance: float, modes: RowModes) -> None:
-        self.equations, self.modes, self.method = equations, modes, "explicit"
+        self.equations, self.modes = equations, modes
         self._layout, self._model = equations.layout, equations.model
         self._tolerance = tolerance
         self._ws = workspace(self._model)
@@ -95,6 +90,15 @@ class Stepper:
         normalise(y, self._bodies)
         return y
 
+    def turn(self, heading: tuple[Array | None, ...]) -> None:
+        """Continue with other headings of what slides."""
+        self.modes = replace(self.modes, heading=heading)
+        self.equations.turn(heading)
+
+    def forces(self) -> Array:
+        """Return the forces on all rows at the time t, shape (m,)."""
+        return self.equations.row_forces(self.t, self.y, self._turns)
+
     def place(self, velocity: Array, impulse: Array, loss: float) -> None:
         """Continue with other velocities (v, w'), shape (6 n_b,), and what an impact adds to impulses and loss."""
         self._Y = self._Y.copy()
@@ -103,21 +107,10 @@ class Stepper:
         self._Y[-1] += loss
         self._restart()
 
-    def nudge(self, rows: list[int], rate: Array) -> None:
-        """Give rows other rates by a change of the velocities of least M-norm that keeps joints and held rows."""
-        self._Y = self._Y.copy()
-        held, motion = self._held_rows(), self.equations.move(self.t, self.y, self._turns)
-        Q = self.equations.joint_rows(self.t, self.y, self._turns)[0]
-        both = np.vstack([Q, held, motion.J[rows]])
-        wanted = np.concatenate([np.zeros(len(Q) + len(held)), rate - motion.u[rows]])
-        self.y[: self._bodies, 7:13] += _least(self.equations.inverse, both, wanted)[0].reshape(-1, 6)
-        self._restart()
-
-    def change_modes(self, modes: RowModes, method: str = "explicit") -> None:
+    def change_modes(self, modes: RowModes) -> None:
         """Continue in other modes, from the state projected onto what lasts in them."""
-        if method != self.method:
-            self._h = None
-        self.modes, self.method = modes, method
+        self.modes = modes
+        self.equations.activate(modes)
         self._Y = self._Y.copy()
         self._project()
         self._restart()
@@ -130,27 +123,8 @@ class Stepper:
 
     def _derivative(self, t: float, Y: Array) -> Array:
         """Return ``dY/dt``."""
-        y = np.ascontiguousarray(Y[: self._count]).reshape(self._shape)
-        response = self.respond(float(t), y)
-        force = self.equations.forces(response, self.modes)
-        rates = np.zeros_like(Y)
-        dy = rates[: self._count].reshape(self._shape)
-        if len(self._model.control):
-            control_errors(self._model, float(t), y, self._turns, self.equations._ws, dy)
-        self._rates(y, self.equations.accelerations(response, force), dy)
-        rates[self._count : -1] = self.contact_forces(force).ravel()
-        rates[-1] = -float(force @ self.equations.rows.u)
         self.counters["evaluations"] += 1
-        return rates
-
-    def _rates(self, y: Array, a: Array, dy: Array) -> None:
-        """Write velocities, ``p' = 1/2 G^T w'`` and accelerations into dy."""
-        n = self._bodies
-        e, w = y[:n, 3:7], y[:n, 10:13]
-        dy[:n, 0:3] = y[:n, 7:10]
-        dy[:n, 3] = -0.5 * np.sum(e[:, 1:] * w, axis=1)
-        dy[:n, 4:7] = 0.5 * (e[:, :1] * w + np.cross(e[:, 1:], w))
-        dy[:n, 7:13] = a.reshape(-1, 6)
+        return self.equations.rates(float(t), np.ascontiguousarray(Y), self._turns)
 
     def contact_forces(self, force: Array) -> Array:
         """Return the forces of the declared contacts from those on all rows, world axes, shape (n_c, 3)."""
@@ -170,16 +144,8 @@ class Stepper:
         """
         if self._solver is None or self._solver.t_bound != bound:
             first = None if self._h is None else min(self._h, bound - self.t)
-            method = _METHODS[self.method]
-            tolerance = self._tolerance if self.method == "explicit" else max(0.1 * self._tolerance, 3e-14)
-            self._solver = method(
-                self._derivative,
-                self.t,
-                self._Y,
-                bound,
-                rtol=tolerance,
-                atol=self._absolute * (tolerance / self._tolerance),
-                first_step=first,
+            self._solver = scipy.integrate.DOP853(
+                self._derivative, self.t, self._Y, bound, rtol=self._tolerance, atol=self._absolute, first_step=first
             )
         solver = self._solver
         self._before = (self.t, self._Y, self._turns.copy())
@@ -191,8 +157,7 @@ class Stepper:
         self._Y = solver.y.copy()
         self._project()
         solver.y = self._Y
-        if self.method == "explicit":
-            solver.f = self._derivative(solver.t, solver.y)
+        solver.f = self._derivative(solver.t, solver.y)
         self._h = max(solver.h_abs, planned) if solver.status == "finished" else solver.h_abs
         self._dense = solver.dense_output()
         self.counters["steps"] += 1
@@ -240,7 +205,7 @@ class Stepper:
         Q, _, rate = self.equations.joint_rows(self.t, y, self._turns)
         self.equations.move(self.t, y, self._turns)
         if len(Q):
-            self.equations.rank = _least(self.equations.inverse, Q, np.zeros(len(Q)))[1]
+            self.equations.rank[0] = _least(self.equations.inverse, Q, np.zeros(len(Q)))[1]
         held = self._held_rows()
         both, v = np.vstack([Q, held]), y[: self._bodies, 7:13].ravel()
         wanted = np.concatenate([rate, np.zeros(len(held))]) - both @ v
