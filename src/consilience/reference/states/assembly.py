@@ -288,7 +288,10 @@ def initial_state(mechanism: Mechanism, initial: Initial | None = None, t: float
     """
     require_states(mechanism, ())
     start, idle = checked_start(mechanism, initial), _idle(mechanism)
-    assembly = idle.pop() if idle else CompiledAssembly(mechanism)
+    try:  # another thread may take the last one
+        assembly = idle.pop()
+    except IndexError:
+        assembly = CompiledAssembly(mechanism)
     found = assembly.assemble(start, float(t))
     idle.append(assembly)
     return assemble(mechanism, start, float(t)) if found is None else found

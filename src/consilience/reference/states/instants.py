@@ -241,7 +241,10 @@ def instants(mechanism: Mechanism, states: list[State], t: float) -> tuple[Insta
     t : float, s
     """
     idle, n_s, n_b, n_j = _idle(mechanism), len(states), len(mechanism.bodies), len(mechanism.joints)
-    by = idle.pop() if idle else _arrays(mechanism)
+    try:  # another thread may take the last ones
+        by = idle.pop()
+    except IndexError:
+        by = _arrays(mechanism)
     p, quat, v, w = (np.array([getattr(s, name) for s in states]) for name in ("p_WB", "quat_WB", "v_WB_W", "w_WB_W"))
     a, alpha, force, torque = (np.zeros((n_s, n, 3)) for n in (n_b, n_b, n_j, n_j))
     energy, sound = np.zeros((n_s, 2)), np.zeros(n_s, dtype=np.int64)
