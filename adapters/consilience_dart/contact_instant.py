@@ -14,14 +14,15 @@ from consilience.engine import limit_of_halved
 from consilience.mechanism import Array, State, contact_gap, contact_parts, nearest_points
 from consilience_dart.contacts import Touching
 from consilience_dart.state import Coordinates, read, send
-from consilience_dart.stepping import Stepper
+from consilience_dart.stepping import Stepper, zero_step_accelerations
 from consilience_dart.translation import Model
 
 CLOSED = 1e-9
 """Gap in m, and its rate, up to which a contact is closed."""
 
-STEP = 1.25e-4
-"""Longest step in s; much shorter ones are spoilt by rounding."""
+STEP, DRIVEN = 1e-3, 1.25e-4
+"""Longest step in s, and that of a mechanism with drives, whose accelerations change in a step. Shorter ones are spoilt
+by rounding and by overlaps."""
 
 TURN, FRICTION = 1e-2, 30.0
 """Part by which friction may change a slip in a step, at this acceleration by friction in m/s^2."""
@@ -88,10 +89,14 @@ def settle(stepping: Stepper, c: Coordinates, state: State) -> Array:
     """
     touching = stepping.touching
     assert touching is not None
+    joints = touching.mechanism.stops or touching.mechanism.dry_frictions
+    if not joints and np.min(touching.gaps()) > CLOSED:
+        zero_step_accelerations(stepping, c, state)
+        return np.zeros((len(touching.mechanism.contacts), 3))
     touching.iterate(MOST_ITERATIONS, FINE)
     _refuse_turning(stepping, c)
     stepping.restart(c, 0.0, STEP)
-    h = min(STEP, TURN * _slowest(stepping.model, touching, state) / FRICTION)
+    h = min(DRIVEN if touching.mechanism.drives else STEP, TURN * _slowest(stepping.model, touching, state) / FRICTION)
     quotients, forces = [], []
     for part in (1, 2, 4):
         stepping.restart(c, 0.0, h / part)

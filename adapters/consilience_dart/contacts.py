@@ -21,7 +21,7 @@ from consilience.mechanism import GROUND, Array, Contact, SphereSphere, State, c
 from consilience_dart.state import read
 from consilience_dart.translation import Model, set_inertia
 
-INSIDE = 1e-9
+INSIDE = 1e-10
 
 SEPARATED, SLIDING, STICKING = range(3)
 
