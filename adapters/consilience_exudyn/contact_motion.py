@@ -69,10 +69,13 @@ _RATE = 1.5
 _RESOLVED = 0.2
 """Largest frequency of a contact that hits, times the step."""
 
+_HITS = 5.0
+"""Largest force of a contact that is closed at the start, over its force there, by which it has not been hit."""
+
 _ATTEMPTS = 6
 """Motions with larger bounds of normal forces."""
 
-_DEEP = 20.0
+_DEEP = 4.0
 """Radius of a point's sphere over the overlap under the bound of the normal force."""
 
 _RUNGE_KUTTA = Integration("RK44", CONTACT_SETTINGS)
@@ -173,6 +176,12 @@ def contact_motion(
         largest = np.max(np.linalg.norm(forces, axis=2), axis=0, initial=0.0)
         if np.all(largest <= _STABLE * np.array(bounds)):
             return _with_contacts(mechanism, answer, forces, penalties, steps_per_sample(times, step))
+        for one, force in zip(seen, largest, strict=True):
+            if one.speed == 0.0 and one.row.part.friction > 0.0 and force > _HITS * max(one.normal, 1e-9):
+                what = f"contact '{one.row.part.name}' is closed at the start and hits later, with {force:.3g} N"
+                raise RuntimeError(
+                    f"{what}: the zone in which its friction is proportional would not vanish with the step"
+                )
         bounds = [max(b, 1.2 * f) for b, f in zip(bounds, largest, strict=True)]
     raise RuntimeError(
         f"normal forces exceed every bound, at last {max(bounds):.3g} N: steps of {step:g} s are too long"
