@@ -119,7 +119,7 @@ def on_belt(frequency, kinetic, static, belt, x, v, t):
     It starts slower than the belt, or at its speed and sticks. It slides back about the centre ``+ kinetic`` until it
     has the speed of the belt again, and sticks until the spring is as long as `static`.
     """
-    sticks = v == belt
+    sticks = abs(v - belt) <= 1e-12 * belt
     while True:
         if sticks:
             lasts = (static - x) / belt

@@ -144,6 +144,12 @@ def _disc(case, t):
 # --- tables, belts, several bodies ----------------------------------------------------------------------------------
 
 
+def _normal(case):
+    """Normal of the plane of the first contact in the world, at the start."""
+    contact = case.mechanism.contacts[0]
+    return case.initial_state.R_WB[case.mechanism.body_index[contact.partner]] @ contact.normal
+
+
 def _on_belt(case, t):
     """A block on a belt, with a spring along it."""
     (spring,), (drive,), contact = case.mechanism.springs, case.mechanism.drives, case.mechanism.contacts[0]
@@ -152,7 +158,7 @@ def _on_belt(case, t):
     com = start.p_WB[block] + start.R_WB[block] @ case.mechanism.bodies[block].com
     line = com - spring.point_predecessor
     along = line / np.linalg.norm(line)
-    weight = -mass * contact.normal @ case.mechanism.gravity / spring.stiffness
+    weight = -mass * _normal(case) @ case.mechanism.gravity / spring.stiffness
     static = contact.friction if contact.static_friction is None else contact.static_friction
     lengths = contact.friction * weight, static * weight
     belt = drive.motion.polynomial[1]
@@ -170,7 +176,7 @@ def _on_table(case, t):
     amplitude, frequency, _ = drive.motion.harmonics[0]
     joint = case.mechanism.joints[case.mechanism.joint_index[drive.joint]]
     along, g = joint.F.R[:, 2], np.linalg.norm(case.mechanism.gravity)
-    if abs(along @ contact.normal) < 0.5:
+    if abs(along @ _normal(case)) < 0.5:
         x, v = events.on_shaken_table(amplitude, frequency, contact.friction * g, t)
     else:
         x, v = events.on_bouncing_table(amplitude, frequency, g, t)
