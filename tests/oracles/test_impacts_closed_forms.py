@@ -9,12 +9,15 @@ from consilience.mechanism import (
     Frame,
     Joint,
     Mechanism,
+    PointPlane,
+    SpherePlane,
+    SphereSphere,
     State,
     centres_of_mass,
     kinetic_energy,
     quaternion_from_rotation,
 )
-from consilience.reference.contact import PointPlane, SpherePlane, SphereSphere, simulate_with_impacts, solve_impact
+from consilience.reference.contact import simulate_with_impacts, solve_impact
 from mechanisms import lumpy_body, rotation
 
 BAR = 1e-9

@@ -14,6 +14,9 @@ from consilience.mechanism import (
     Joint,
     JointSpring,
     Mechanism,
+    PointPlane,
+    SpherePlane,
+    SphereSphere,
     State,
     body_point,
     constraint_jacobian,
@@ -30,15 +33,7 @@ from consilience.mechanism import (
 )
 from consilience.mechanism.observables import linear_momentum
 from consilience.reference import NumericalFailure, simulate
-from consilience.reference.contact import (
-    PointPlane,
-    SpherePlane,
-    SphereSphere,
-    contact_motion,
-    simulate_with_contacts,
-    simulate_with_impacts,
-    solve_impact,
-)
+from consilience.reference.contact import contact_motion, simulate_with_contacts, simulate_with_impacts, solve_impact
 from mechanisms import ELEMENTS, LOOPS, TREES, four_bar, lumpy_body, rotation, states_of
 
 ONE, ZERO = np.eye(3), np.zeros(3)

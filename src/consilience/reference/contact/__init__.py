@@ -4,7 +4,7 @@
 impact. `consilience.reference.contact.impact` states the impact law and its extensions of the source.
 """
 
-from consilience.mechanism import Contact, PointPlane, SpherePlane, SphereSphere
+from consilience.mechanism import Contact
 from consilience.reference.contact.geometry import ContactMotion, contact_motion
 from consilience.reference.contact.impact import Impact, solve_impact
 from consilience.reference.contact.instant import contact_instant
@@ -16,9 +16,6 @@ __all__ = [
     "ContactEvent",
     "ContactMotion",
     "Impact",
-    "PointPlane",
-    "SpherePlane",
-    "SphereSphere",
     "contact_instant",
     "contact_motion",
     "simulate_with_contacts",
