@@ -24,12 +24,18 @@ from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Array, Contact, Mechanism, State, characteristic_length
 from consilience.reference.bodies.canonical import sample_times
 from consilience.reference.contact.bounces import Bounces
-from consilience.reference.contact.equations import ContactEquations, direction, open_modes
+from consilience.reference.contact.equations import ContactEquations, Response, RowModes, direction, open_modes
 from consilience.reference.contact.event_functions import EventFunctions
 from consilience.reference.contact.events import PARTS, Watch, first_zero, start_of_slip
 from consilience.reference.contact.geometry import check_contacts
 from consilience.reference.contact.impact import Impact, apply_impact
-from consilience.reference.contact.lasting import decide_lasting, require_unique, sliding_rates, widest_margin
+from consilience.reference.contact.lasting import (
+    LastingContact,
+    decide_lasting,
+    require_unique,
+    sliding_rates,
+    widest_margin,
+)
 from consilience.reference.contact.layout import layout_of
 from consilience.reference.contact.samples import ContactEvent, Samples
 from consilience.reference.contact.stepper import Stepper
@@ -43,6 +49,7 @@ GRAZING = 1e-13
 _STILL = 1e-11  # rates that count as zero, over the speeds of the mechanism
 _STOPPING = 1e-12  # slip below which the heading of what stops is held, over the same
 _HELD = 1e-6  # slip up to which the heading of what starts to slide in a plane is held, over the same
+_SINKS = 1e-8  # acceleration into a plane that counts as zero, over that of falling
 _BINDING = 1e-7  # margins of undetermined forces that count as equal, over the forces
 _STOPPED = 1e-9  # slip across the heading with which a contact stops, over the same
 _CHAIN = 1000  # impacts at one instant
@@ -274,12 +281,8 @@ class _ContactSimulation:
             at = list(one.rows)  # what moves as one stops as one
             if j in stopped or float(np.linalg.norm(sliding[at])) <= _STOPPED * self.speed:
                 sliding[at] = 0.0
-        found = require_unique(
-            decide_lasting(
-                self.equations, response, touching, sliding, None if hit or first else before, opened, started
-            ),
-            self.stepper.t,
-        )
+        previous = None if hit or first else before
+        found = self._decide(response, touching, sliding, previous, opened, started)
         self.equations.held[:] = _STOPPING * self.speed
         self.equations.held[list(started)] = _HELD * self.speed
         self.stepper.change_modes(found.modes)
@@ -287,6 +290,27 @@ class _ContactSimulation:
             self.samples.compare(self.stepper.t, before, found.modes, hit)
         self.functions.renew(found, self.stepper, self.speed)
         self.bounces.note(found)
+
+    def _decide(
+        self,
+        response: Response,
+        touching: Array,
+        sliding: Array,
+        previous: RowModes | None,
+        opened: frozenset[int],
+        started: dict[int, Array],
+    ) -> LastingContact:
+        """Decide the modes, as `decide_lasting`; what has just lost its force opens unless it would sink."""
+        if opened:
+            left = touching.copy()
+            left[list(opened)] = False
+            found = decide_lasting(self.equations, response, left, sliding, previous, frozenset(), started)
+            fall = max(float(np.linalg.norm(self.equations.model.gravity)), self.length)
+            rows = [self.layout.normals[n] for n in opened]
+            if np.min(found.acceleration[rows]) > -_SINKS * fall:
+                return require_unique(found, self.stepper.t)
+        found = decide_lasting(self.equations, response, touching, sliding, previous, opened, started)
+        return require_unique(found, self.stepper.t)
 
     def _speeds(self) -> float:
         """Return the speed of the fastest body, or that of falling by the length of the mechanism."""
