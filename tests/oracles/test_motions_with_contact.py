@@ -303,15 +303,20 @@ def test_a_rocking_block_loses_its_rate_by_a_constant_ratio_at_each_impact():
 
 def test_the_upper_of_two_boxes_slips_when_the_lower_one_is_pulled_hard_enough():
     low, up = body("low", 3.0, [0.05] * 3), body("up", 1.0, [0.02] * 3)
-    feet = [
-        on_plane(f"low {n}", [x, y, -0.1], 0.2, "low") for n, (x, y) in enumerate(((0.3, 0), (-0.3, 0.3), (-0.3, -0.3)))
-    ]
-    feet += [
+    start = state([0.1 * Z, 0.3 * Z])
+    along = np.column_stack([Y, Z, X])
+    rail = Joint("rail", "prismatic", GROUND, "low", Frame(start.p_WB[0], TURN @ along), Frame(ZERO, along))
+    free = Joint("free", "free", GROUND, "up", HOME, HOME)
+    feet = tuple(
         PointPlane(f"up {n}", "up", OFF + np.array([x, y, -0.1]), "low", OFF + 0.1 * Z, Z, friction=0.35)
         for n, (x, y) in enumerate(((0.1, 0), (-0.1, 0.1), (-0.1, -0.1)))
-    ]
+    )
     pull = Load("pull", "force", "low", TURN @ X, "world", OFF, Function([0.0, 5.0]))
-    answer, events = run(floating([low, up], feet, loads=(pull,)), state([0.1 * Z, 0.3 * Z]), 4.6)
+    ground = DryFriction("low", "rail", "distance", bound=0.2 * 4 * G)
+    mechanism = Mechanism(
+        "boxes", -G * TURN @ Z, (low, up), (rail, free), contacts=feet, loads=(pull,), dry_frictions=(ground,)
+    )
+    answer, events = run(mechanism, start, 4.6)
     both, upper = 0.2 * 4 * G / 5, (0.35 + 0.2) * 4 * G / 5
     close([when(events, "slips", name="low"), when(events, "slips", name="up")], [both, upper], TIME)
     together = 5 / 4 * (upper - both) ** 2 / 2
