@@ -188,7 +188,8 @@ def test_simulate_writes_the_same_motion_in_all_formats(folder):
         done = called("simulate", "pendulum.toml", "--duration", "0.1", "-o", f"motion.{ending}", cwd=folder)
         assert done.returncode == 0, done.stderr
     document = json.loads((folder / "motion.json").read_text())
-    arrays = np.load(folder / "motion.npz")
+    with np.load(folder / "motion.npz") as stored:
+        arrays = dict(stored)
     with (folder / "motion.csv").open() as handle:
         rows = list(csv.DictReader(handle))
     assert np.array_equal(np.array(document["quat_WB"]), arrays["quat_WB"])
