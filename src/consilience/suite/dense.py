@@ -15,10 +15,15 @@ from consilience.suite.store import Store
 CLOSE = 1000
 """Least number of sample intervals of a motion that is drawn."""
 
+TOUCHING = 100
+"""The same where bodies touch: motions with contact take a step to each sample."""
+
 
 def densely_sampled(case: Case) -> Case:
     """Return the case with its sample halved until there are `CLOSE` intervals: a peak between samples is not drawn."""
-    halvings = max(0, math.ceil(math.log2(CLOSE * case.sample / case.duration)))
+    m = case.mechanism
+    intervals = TOUCHING if m.contacts or m.stops or m.dry_frictions else CLOSE
+    halvings = max(0, math.ceil(math.log2(intervals * case.sample / case.duration)))
     return case.with_span(None, case.sample / 2**halvings)
 
 
