@@ -356,10 +356,12 @@ def angle_of(answer, sample):
     return np.arctan2(A[0, 2], A[0, 0])
 
 
-def test_a_hinge_with_dry_friction_bounces_between_its_stops_until_it_sticks():
+@pytest.mark.parametrize("arm", [0.0, 1e-10], ids=["on the axis", "as good as on it"])
+def test_a_hinge_with_dry_friction_bounces_between_its_stops_until_it_sticks(arm):
+    """The arm is the only length of the mechanism: a gap in rad does not close to a fraction of it."""
     I, C, e = 0.5, 0.2, 0.8
     mechanism, start = hinge(
-        I, [Stop("s", "j", "angle", 0.0, 1.0, e)], [DryFriction("d", "j", "angle", bound=C)], 0.5, 3.0
+        I, [Stop("s", "j", "angle", 0.0, 1.0, e)], [DryFriction("d", "j", "angle", bound=C)], 0.5, 3.0, arm
     )
     t, q, w, impacts = 0.0, 0.5, 3.0, []
     slowing = C / I

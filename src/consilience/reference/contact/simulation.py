@@ -27,7 +27,6 @@ from consilience.reference.contact.bounces import Bounces
 from consilience.reference.contact.equations import ContactEquations, Response, RowModes, direction, open_modes
 from consilience.reference.contact.event_functions import EventFunctions
 from consilience.reference.contact.events import PARTS, Watch, first_zero, start_of_slip
-from consilience.reference.contact.geometry import check_contacts
 from consilience.reference.contact.impact import Impact, apply_impact
 from consilience.reference.contact.lasting import (
     LastingContact,
@@ -52,7 +51,7 @@ _HELD = 1e-6  # slip up to which the heading of what starts to slide in a plane 
 _SINKS = 1e-8  # acceleration into a plane that counts as zero, over that of falling
 _BINDING = 1e-7  # margins of undetermined forces that count as equal, over the forces
 _STOPPED = 1e-9  # slip across the heading with which a contact stops, over the same
-_CHAIN = 1000  # impacts at one instant
+_CHAIN = 1000  # impacts or events at one instant
 _CRAWL = 1e-8
 
 
@@ -94,7 +93,6 @@ def simulate_with_impacts(
     mechanism: Mechanism, state: State, times: Array, contacts: tuple[Contact, ...], tolerance: float = 1e-12
 ) -> tuple[TrajectoryAnswer, tuple[Impact, ...]]:
     """Integrate as `simulate_with_contacts`, with these contacts in place of the mechanism's; return the impacts."""
-    check_contacts(mechanism, contacts)
     run = _ContactSimulation(replace(mechanism, contacts=contacts), state, times, tolerance)
     return run.integrate(), tuple(run.impacts)
 
@@ -117,6 +115,7 @@ class _ContactSimulation:
         self.speed = max(float(np.sqrt(gravity * self.length)), 1e-6 * self.length)
         self.bounces = Bounces(self.layout, self.length)
         self.functions = EventFunctions(self.equations, self.length)
+        self.at_once = (float("-inf"), 0)
 
     def integrate(self) -> TrajectoryAnswer:
         """Integrate from sample to sample."""
@@ -166,6 +165,14 @@ class _ContactSimulation:
             return
         self._end_at(t, w)
         self._happens(watch)
+        self._refuse_standstill()
+
+    def _refuse_standstill(self) -> None:
+        """Refuse events that follow one another without end while no time passes."""
+        now = self.stepper.t
+        self.at_once = (now, self.at_once[1] + 1 if now == self.at_once[0] else 0)
+        if self.at_once[1] > _CHAIN:
+            raise NumericalFailure(f"{_CHAIN} events of contact at the instant t = {now:.12g} s: they do not settle")
 
     def _turn_headings(self) -> None:
         """Let the headings of what slides follow the velocities."""
@@ -244,9 +251,12 @@ class _ContactSimulation:
         started: dict[int, Array] = {}
         stopped: set[int] = set()
         modes = self.stepper.modes
+        closing: set[int] = set()
         if watch.kind == "slip":
             stopped.add(watch.index)
-        elif watch.kind != "gap":
+        elif watch.kind == "gap":
+            closing.add(watch.index)
+        else:
             response = self.stepper.respond(self.stepper.t, self.stepper.y)
             force = self.stepper.forces()
             normals = [watch.index] if watch.kind == "normal" else []
@@ -261,19 +271,37 @@ class _ContactSimulation:
                 ]
             opened.update(normals)
             started = {j: start_of_slip(self.layout.friction[j], modes.friction[j], force) for j in sets}
-        self._settle(frozenset(opened), started, frozenset(stopped))
+        self._settle(frozenset(opened), started, frozenset(stopped), frozenset(closing))
 
     def _settle(
-        self, opened: frozenset[int], started: dict[int, Array], stopped: frozenset[int], first: bool = False
+        self,
+        opened: frozenset[int],
+        started: dict[int, Array],
+        stopped: frozenset[int],
+        closing: frozenset[int] = frozenset(),
+        first: bool = False,
     ) -> None:
-        """Apply impacts, decide the modes of all that touches, and continue in them."""
+        """Apply impacts, decide the modes of all that touches, and continue in them.
+
+        Parameters
+        ----------
+        opened, closing : frozenset of int
+            Normals whose force, or whose gap, has just fallen to zero.
+        started : dict
+            Directions in which friction sets begin to slide.
+        stopped : frozenset of int
+            Friction sets whose slip has just fallen to zero.
+        first : bool
+            Whether the motion begins.
+        """
         before = self.stepper.modes
-        hit = self._hit()
+        hit = self._hit(closing)
         response = self.stepper.respond(self.stepper.t, self.stepper.y)
         rows = self.equations.rows
         still = _STILL * self._speeds()
         gap, rate = rows.gap[self.layout.gaps], rows.u[list(self.layout.normals)]
-        touching = (gap <= TOUCHING * self.length) & (np.abs(rate) <= still)
+        near = np.isin(np.arange(len(gap)), list(closing)) | (gap <= TOUCHING * self.length)
+        touching = near & (np.abs(rate) <= still)
         if not hit:
             touching |= before.closed
         sliding = sliding_rates(self.equations, None if hit or first else before, still)
@@ -319,15 +347,19 @@ class _ContactSimulation:
 
     # ----------------------------------------------------------------------------------------------------- impacts
 
-    def _hit(self) -> set[int]:
-        """Apply impacts at this instant until nothing approaches; return the normals that had one."""
+    def _hit(self, closing: frozenset[int]) -> set[int]:
+        """Apply impacts at this instant until nothing approaches; return the normals that had one.
+
+        A gap whose zero has just been found is closed, whatever rounding has left of it.
+        """
         stepper, hit = self.stepper, set[int]()
         for _ in range(_CHAIN):
             response = stepper.respond(stepper.t, stepper.y)
             rows, still = self.equations.rows, _STILL * self._speeds()
             gap, rate = rows.gap[self.layout.gaps], rows.u[list(self.layout.normals)]
-            touching = gap <= TOUCHING * self.length
-            strikes = touching & (rate < -still) & (gap <= GRAZING * self.length)
+            closed = np.isin(np.arange(len(gap)), list(closing))
+            touching = closed | (gap <= TOUCHING * self.length)
+            strikes = touching & (rate < -still) & (closed | (gap <= GRAZING * self.length))
             if not np.any(strikes):
                 return hit
             taking = touching & (rate <= still)
