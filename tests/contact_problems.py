@@ -125,6 +125,51 @@ def stop_torque(q: float) -> float:
     return 0.5 * G * np.sin(q)
 
 
+FEET = np.array([[0.3 * np.cos(a), 0.3 * np.sin(a), -0.1] for a in (0.0, 2.0 * np.pi / 3.0, 4.0 * np.pi / 3.0)])
+"""Feet of a tripod below its centre of mass, m."""
+
+BALL = (0.008, 0.008, 0.008)
+"""Principal moments of a homogeneous ball of 2 kg and 0.1 m, kg m^2."""
+
+
+def close(values, truth, bar):
+    """Require that no number of the values is further than the bar from that of the truth."""
+    found, wanted = (np.concatenate([np.ravel(one) for one in many]) for many in (values, truth))
+    assert np.max(np.abs(found - wanted)) < bar
+
+
+def ball(lab, mu, load) -> Mechanism:
+    """A ball of 2 kg on the floor, pushed at its centre."""
+    return lab.free_body(2.0, BALL, LEVEL, [lab.sphere(0.1, friction=mu)], [load])
+
+
+def rolling_ball(lab) -> tuple[Mechanism, State, tuple]:
+    """A ball that rolls, ``v = w x r n``: a = F / (m (1 + 2/5)), and the floor holds back 2/7 of the push."""
+    a = np.array([3.0, 1.0, 0.0]) / 2.8
+    truth = a, np.cross([0, 0, 1.0], a) / 0.1, [-0.8 * a[0], -0.8 * a[1], 2.0 * G]
+    return ball(lab, 0.5, (3.0, 1.0, 0.0)), lab.state([0, 0, 0.1], [1.0, 0.5, 0.0], [-5.0, 10.0, 3.0]), truth
+
+
+def sliding_ball(lab) -> tuple[Mechanism, State, tuple]:
+    """A ball that slides: friction against the slip of the point that touches."""
+    u = np.array([3.0, 1.0, 0.0]) + np.cross([2.0, 5.0, 7.0], [0.0, 0.0, -0.1])
+    friction = -0.5 * 2.0 * G * u / np.linalg.norm(u)
+    floor = friction + np.array([0, 0, 2.0 * G])
+    truth = friction / 2.0 + [0.0, 1.0, 0.0], np.cross([0, 0, -0.1], friction) / 0.008, floor
+    return ball(lab, 0.5, (0.0, 2.0, 0.0)), lab.state([0, 0, 0.1], [3.0, 1.0, 0.0], [2.0, 5.0, 7.0]), truth
+
+
+def turning_feet(lab) -> tuple[Mechanism, State, tuple]:
+    """A tripod that slides and turns: three unknown normal forces from Newton and Euler."""
+    u = np.array([1.2, 0.3, 0.0]) + np.cross([0, 0, 8.0], FEET)
+    along = -0.35 * u / np.linalg.norm(u, axis=1)[:, None] + [0, 0, 1.0]
+    wrenches = np.hstack([along, np.cross(FEET, along)]).T
+    N = np.linalg.solve(wrenches[[2, 3, 4]], [2.0 * G, 0.0, 0.0])
+    moving = (wrenches @ N - [0, 0, 2.0 * G, 0, 0, 0]) / [2.0, 2.0, 2.0, 0.02, 0.02, 0.04]
+    mechanism = lab.free_body(2.0, (0.02, 0.02, 0.04), LEVEL, lab.points(FEET, friction=0.35))
+    return mechanism, lab.state([0, 0, 0.1], [1.2, 0.3, 0.0], [0, 0, 8.0]), (moving[:3], moving[3:], along * N[:, None])
+
+
 def fallen_rod(lab, th, rate) -> tuple[Mechanism, State, float, float]:
     """Rod of 1 m and 1 kg, its lower end on a smooth floor; its angular acceleration and the normal force.
 

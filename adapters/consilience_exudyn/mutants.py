@@ -10,18 +10,17 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from consilience.audit.mutate import (
+    CONTACTS,
     FINE,
     FRACTION,
     MOTION,
     WHOLE,
     Mutant,
     Planting,
+    contact_mutants,
     decades,
     inside,
-    on_result,
     preconditions,
     replaced,
     wrapped,
@@ -110,28 +109,6 @@ MUTANTS = (
            _integration(lambda e: False, "generalizedAlpha.computeInitialAccelerations"), methods="GeneralizedAlpha"),
 )  # fmt: skip
 
-CONTACTS = 28
-"""Trap of the errors in contacts."""
-
-
-def _parts(change: Callable[[Any, float], dict[str, Any]]) -> Planting:
-    """Change fields of the elementary contacts that the adapter adds."""
-
-    def altered(original: Any, magnitude: float, contact: Any) -> Any:
-        return tuple(replace(part, **change(part, magnitude)) for part in original(contact))
-
-    return inside(("contacts", "contact_parts", wrapped(altered)))
-
-
-def _aside(part: Any, magnitude: float) -> dict[str, Any]:
-    """Return the place of a shape on its body, moved by a length."""
-    name = "corner" if hasattr(part, "corner") else "center"
-    return {name: getattr(part, name) + magnitude * np.array([1.0, -2.0, 2.0]) / 3.0}
-
-
-def _on_partner(answer: Any, magnitude: float) -> None:
-    answer.contact_force[:] *= 1.0 - 2.0 * magnitude
-
 
 def _hunt_crossley(original: Any, magnitude: float, restitution: float) -> Any:
     del magnitude
@@ -140,14 +117,7 @@ def _hunt_crossley(original: Any, magnitude: float, restitution: float) -> Any:
 
 
 CONTACT_MUTANTS = (
-    Mutant(CONTACTS, "friction of one partner, Exudyn", "the coefficient halved", FINE, FRACTION, I,
-           _parts(lambda part, e: {"friction": part.friction * (1.0 - 0.5 * e)})),
-    Mutant(CONTACTS, "restitution squared, Exudyn", "the coefficient squared", (1.0, 0.1), FRACTION, T,
-           _parts(lambda part, e: {"restitution": part.restitution ** (1.0 + e)})),
-    Mutant(CONTACTS, "normal of the partner, Exudyn", "forces on the partner in place of the body", FINE, FRACTION, I,
-           inside(("", "instant", on_result(_on_partner)))),
-    Mutant(CONTACTS, "contact at another point, Exudyn", "the shape of the body aside", decades(-1, -9, 2), "m", I,
-           _parts(_aside)),
+    *contact_mutants("Exudyn"),
     Mutant(CONTACTS, "Hunt and Crossley's restitution", "impactModel 1", WHOLE, "", T,
            inside(("contacts", "_impact", wrapped(_hunt_crossley)))),
 )  # fmt: skip

@@ -7,19 +7,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from typing import Any
 
 import mujoco
 import numpy as np
 
 from consilience.audit.mutate import (
+    CONTACTS,
     FINE,
     FRACTION,
     WHOLE,
     Mutant,
     Planting,
     Proxy,
+    contact_mutants,
     decades,
     inside,
     on_result,
@@ -218,28 +219,6 @@ MUTANTS = (
            methods="mj_forward", harmless=True),
 )  # fmt: skip
 
-CONTACTS = 28
-"""Trap of the errors in contacts."""
-
-
-def _parts(change: Callable[[Any, float], dict[str, Any]]) -> Planting:
-    """Change fields of the elementary contacts that the adapter adds."""
-
-    def altered(original: Any, magnitude: float, contact: Any) -> Any:
-        return tuple(replace(part, **change(part, magnitude)) for part in original(contact))
-
-    return inside(("contacts", "contact_parts", wrapped(altered)))
-
-
-def _aside(part: Any, magnitude: float) -> dict[str, Any]:
-    """Return the place of a shape on its body, moved by a length."""
-    name = "corner" if hasattr(part, "corner") else "center"
-    return {name: getattr(part, name) + magnitude * np.array([1.0, -2.0, 2.0]) / 3.0}
-
-
-def _on_partner(answer: Any, magnitude: float) -> None:
-    answer.contact_force[:] *= 1.0 - 2.0 * magnitude
-
 
 def _torsion(original: Any, magnitude: float, spec: Any, *more: Any) -> None:
     original(spec, *more)
@@ -248,14 +227,7 @@ def _torsion(original: Any, magnitude: float, spec: Any, *more: Any) -> None:
 
 
 CONTACT_MUTANTS = (
-    Mutant(CONTACTS, "friction of one partner, MuJoCo", "the coefficient halved", FINE, FRACTION, I,
-           _parts(lambda part, e: {"friction": part.friction * (1.0 - 0.5 * e)})),
-    Mutant(CONTACTS, "restitution squared, MuJoCo", "the coefficient squared", (1.0, 0.1), FRACTION, T,
-           _parts(lambda part, e: {"restitution": part.restitution ** (1.0 + e)})),
-    Mutant(CONTACTS, "normal of the partner, MuJoCo", "forces on the partner in place of the body", FINE, FRACTION, I,
-           inside(("", "instant", on_result(_on_partner)))),
-    Mutant(CONTACTS, "contact at another point, MuJoCo", "the shape of the body aside", decades(-1, -9, 2), "m", I,
-           _parts(_aside)),
+    *contact_mutants("MuJoCo"),
     Mutant(CONTACTS, "torsional friction on", "condim 4: this length", decades(-2, -8, 2), "m", T,
            inside(("contacts", "_add_part", wrapped(_torsion)))),
     Mutant(CONTACTS, "pyramid for the circle", "opt.cone at its default", WHOLE, "", T,

@@ -7,7 +7,22 @@ import pytest
 
 from consilience.engine import Question, Route, defects
 from consilience.mechanism import GROUND, DiscPlane, Initial, PointPlane, SpherePlane, SphereSphere, initial_state
-from contact_problems import LEVEL, G, Lab, fallen_rod, incline, pendulum, stacked
+from contact_problems import (
+    BALL,
+    FEET,
+    LEVEL,
+    G,
+    Lab,
+    ball,
+    close,
+    fallen_rod,
+    incline,
+    pendulum,
+    rolling_ball,
+    sliding_ball,
+    stacked,
+    turning_feet,
+)
 
 pytest.importorskip("exudyn")
 
@@ -16,9 +31,7 @@ from consilience_exudyn.mutants import CONTACT_MUTANTS
 
 I, T = Question.INSTANT, Question.TRAJECTORY
 LAB = Lab()
-FEET = np.array([[0.3 * np.cos(a), 0.3 * np.sin(a), -0.1] for a in (0.0, 2.0 * np.pi / 3.0, 4.0 * np.pi / 3.0)])
 CORNERS = [(x, y, -0.1) for x in (0.3, -0.3) for y in (0.3, -0.3)]
-BALL = (0.008, 0.008, 0.008)
 ENGINE = ExudynEngine()
 
 
@@ -45,40 +58,19 @@ def motion(mechanism, state, end, samples=20, level=-1, kind=Route.TUNED):
     return answer
 
 
-def close(values, truth, bar):
-    found, wanted = (np.concatenate([np.ravel(one) for one in many]) for many in (values, truth))
-    assert np.max(np.abs(found - wanted)) < bar
-
-
-def ball(mu, load, gravity=LEVEL):
-    return LAB.free_body(2.0, BALL, gravity, [LAB.sphere(0.1, friction=mu)], [load])
-
-
 def test_a_ball_that_rolls_and_is_pushed_at_its_centre():
-    """Newton and Euler with v = w x r n: a = F / (m (1 + 2/5)), and the floor holds back 2/7 of the push."""
-    found = instant(ball(0.5, (3.0, 1.0, 0.0)), LAB.state([0, 0, 0.1], [1.0, 0.5, 0.0], [-5.0, 10.0, 3.0]))
-    a = np.array([3.0, 1.0, 0.0]) / 2.8
-    close(found, (a, np.cross([0, 0, 1.0], a) / 0.1, [-0.8 * a[0], -0.8 * a[1], 2.0 * G]), 1e-12)
+    mechanism, state, truth = rolling_ball(LAB)
+    close(instant(mechanism, state), truth, 1e-12)
 
 
 def test_a_ball_that_slides_is_held_back_against_its_slip():
-    u = np.array([3.0, 1.0, 0.0]) + np.cross([2.0, 5.0, 7.0], [0.0, 0.0, -0.1])
-    friction = -0.5 * 2.0 * G * u / np.linalg.norm(u)
-    found = instant(ball(0.5, (0.0, 2.0, 0.0)), LAB.state([0, 0, 0.1], [3.0, 1.0, 0.0], [2.0, 5.0, 7.0]))
-    floor = friction + np.array([0, 0, 2.0 * G])
-    close(found, (friction / 2.0 + [0.0, 1.0, 0.0], np.cross([0, 0, -0.1], friction) / 0.008, floor), 1e-9)
+    mechanism, state, truth = sliding_ball(LAB)
+    close(instant(mechanism, state), truth, 1e-9)
 
 
 def test_feet_that_turn_and_slide():
-    """Three unknown normal forces from Newton and Euler."""
-    mechanism = LAB.free_body(2.0, (0.02, 0.02, 0.04), LEVEL, LAB.points(FEET, friction=0.35))
-    found = instant(mechanism, LAB.state([0, 0, 0.1], [1.2, 0.3, 0.0], [0, 0, 8.0]))
-    u = np.array([1.2, 0.3, 0.0]) + np.cross([0, 0, 8.0], FEET)
-    along = -0.35 * u / np.linalg.norm(u, axis=1)[:, None] + [0, 0, 1.0]
-    wrenches = np.hstack([along, np.cross(FEET, along)]).T
-    N = np.linalg.solve(wrenches[[2, 3, 4]], [2.0 * G, 0.0, 0.0])
-    moving = (wrenches @ N - [0, 0, 2.0 * G, 0, 0, 0]) / [2.0, 2.0, 2.0, 0.02, 0.02, 0.04]
-    close(found, (moving[:3], moving[3:], along * N[:, None]), 1e-9)
+    mechanism, state, truth = turning_feet(LAB)
+    close(instant(mechanism, state), truth, 1e-9)
 
 
 def test_the_tip_of_a_turning_rod_on_a_smooth_floor():
@@ -125,9 +117,9 @@ def test_a_ball_at_rest_in_a_trough_sticks_where_some_forces_hold_it():
 def test_what_starts_to_slide_is_refused():
     state = LAB.state([0, 0, 0.1], [0, 0, 0])
     with pytest.raises(RuntimeError, match="'ball' starts to slide"):
-        asked(ball(0.1, (30.0, 10.0, 0.0)), state)
+        asked(ball(LAB, 0.1, (30.0, 10.0, 0.0)), state)
     with pytest.raises(RuntimeError, match=r"closes at 0\.5 m/s"):
-        asked(ball(0.1, (0, 0, 0)), LAB.state([0, 0, 0.1], [0, 0, -0.5]))
+        asked(ball(LAB, 0.1, (0, 0, 0)), LAB.state([0, 0, 0.1], [0, 0, -0.5]))
 
 
 @pytest.mark.parametrize(("q", "rate"), [(0.05, 0.0), (0.7, 2.0), (0.7, -2.0)])

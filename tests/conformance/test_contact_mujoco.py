@@ -23,7 +23,24 @@ from consilience.mechanism import (
     initial_state,
     rotation_with_z_axis,
 )
-from contact_problems import LEVEL, G, Lab, fallen_rod, incline, pendulum, stacked, stop_torque, turned
+from contact_problems import (
+    BALL,
+    FEET,
+    LEVEL,
+    G,
+    Lab,
+    ball,
+    close,
+    fallen_rod,
+    incline,
+    pendulum,
+    rolling_ball,
+    sliding_ball,
+    stacked,
+    stop_torque,
+    turned,
+    turning_feet,
+)
 
 pytest.importorskip("mujoco")
 
@@ -34,9 +51,7 @@ from consilience_mujoco.mutants import CONTACT_MUTANTS
 
 I, T = Question.INSTANT, Question.TRAJECTORY
 LAB = Lab()
-FEET = np.array([[0.3 * np.cos(a), 0.3 * np.sin(a), -0.1] for a in (0.0, 2.0 * np.pi / 3.0, 4.0 * np.pi / 3.0)])
 CORNERS = [(x, y, -0.1) for x in (0.3, -0.3) for y in (0.3, -0.3)]
-BALL = (0.008, 0.008, 0.008)
 ENGINE = MujocoEngine()
 
 
@@ -58,39 +73,19 @@ def motion(mechanism, state, end, samples=20, level=-1, kind=Route.TUNED, profil
     return answer
 
 
-def close(values, truth, bar):
-    assert (
-        np.max(np.abs(np.concatenate([np.ravel(v) for v in values]) - np.concatenate([np.ravel(t) for t in truth])))
-        < bar
-    )
-
-
-def ball(mu, load, gravity=LEVEL):
-    return LAB.free_body(2.0, BALL, gravity, [LAB.sphere(0.1, friction=mu)], [load])
-
-
 def test_a_ball_that_rolls_and_is_pushed_at_its_centre():
-    """Newton and Euler with v = w x r n: a = F / (m (1 + 2/5)), and the floor holds back 2/7 of the push."""
-    found = instant(ball(0.5, (3.0, 1.0, 0.0)), LAB.state([0, 0, 0.1], [1.0, 0.5, 0.0], [-5.0, 10.0, 3.0]))
-    a = np.array([3.0, 1.0, 0.0]) / 2.8
-    close(found, (a, np.cross([0, 0, 1.0], a) / 0.1, [-0.8 * a[0], -0.8 * a[1], 2.0 * G]), 1e-12)
+    mechanism, state, truth = rolling_ball(LAB)
+    close(instant(mechanism, state), truth, 1e-12)
 
 
 def test_a_ball_that_slides_is_held_back_against_its_slip():
-    u = np.array([3.0, 1.0, 0.0]) + np.cross([2.0, 5.0, 7.0], [0.0, 0.0, -0.1])
-    friction = -0.5 * 2.0 * G * u / np.linalg.norm(u)
-    found = instant(ball(0.5, (0.0, 2.0, 0.0)), LAB.state([0, 0, 0.1], [3.0, 1.0, 0.0], [2.0, 5.0, 7.0]))
-    truth = (
-        friction / 2.0 + [0.0, 1.0, 0.0],
-        np.cross([0, 0, -0.1], friction) / 0.008,
-        friction + np.array([0, 0, 2.0 * G]),
-    )
-    close(found, truth, 1e-10)
+    mechanism, state, truth = sliding_ball(LAB)
+    close(instant(mechanism, state), truth, 1e-10)
 
 
 def test_a_ball_pushed_too_hard_starts_to_slide_and_is_not_lifted():
     friction = -0.1 * 2.0 * G * np.array([3.0, 1.0, 0.0]) / np.sqrt(10.0)
-    found = instant(ball(0.1, (30.0, 10.0, 0.0)), LAB.state([0, 0, 0.1], [0, 0, 0]))
+    found = instant(ball(LAB, 0.1, (30.0, 10.0, 0.0)), LAB.state([0, 0, 0.1], [0, 0, 0]))
     truth = (
         friction / 2.0 + [15.0, 5.0, 0.0],
         np.cross([0, 0, -0.1], friction) / 0.008,
@@ -100,15 +95,9 @@ def test_a_ball_pushed_too_hard_starts_to_slide_and_is_not_lifted():
 
 
 def test_feet_that_turn_and_slide_have_their_own_centripetal_acceleration():
-    """Three unknown normal forces from Newton and Euler; without ``w x (w x s)`` they are off by a sixth."""
-    mechanism = LAB.free_body(2.0, (0.02, 0.02, 0.04), LEVEL, LAB.points(FEET, friction=0.35))
-    found = instant(mechanism, LAB.state([0, 0, 0.1], [1.2, 0.3, 0.0], [0, 0, 8.0]))
-    u = np.array([1.2, 0.3, 0.0]) + np.cross([0, 0, 8.0], FEET)
-    along = -0.35 * u / np.linalg.norm(u, axis=1)[:, None] + [0, 0, 1.0]
-    wrenches = np.hstack([along, np.cross(FEET, along)]).T
-    N = np.linalg.solve(wrenches[[2, 3, 4]], [2.0 * G, 0.0, 0.0])
-    moving = (wrenches @ N - [0, 0, 2.0 * G, 0, 0, 0]) / [2.0, 2.0, 2.0, 0.02, 0.02, 0.04]
-    close(found, (moving[:3], moving[3:], along * N[:, None]), 1e-10)
+    """Without ``w x (w x s)`` the forces are off by a sixth."""
+    mechanism, state, truth = turning_feet(LAB)
+    close(instant(mechanism, state), truth, 1e-10)
 
 
 def test_the_tip_of_a_turning_rod_on_a_smooth_floor():
@@ -165,7 +154,7 @@ def test_a_ball_at_rest_in_a_trough_sticks_where_some_forces_hold_it():
 
 def test_an_instant_of_an_impact_is_refused():
     with pytest.raises(EngineWarningError, match=r"closes at 0\.5 m/s"):
-        instant(ball(0.5, (0, 0, 0)), LAB.state([0, 0, 0.1], [0, 0, -0.5]))
+        instant(ball(LAB, 0.5, (0, 0, 0)), LAB.state([0, 0, 0.1], [0, 0, -0.5]))
 
 
 @pytest.mark.parametrize(("q", "rate"), [(1.5, 0.0), (0.05, 0.0), (0.7, 2.0), (0.7, -2.0)])

@@ -12,8 +12,6 @@ group     the same where forces are undetermined: the     opens, or slips
 slip      speed along the heading of what slides          sticks, or slides back
 turn      how far the heading is from the bisector of     slides along a facet
           two vertices of a pyramid
-jam       determinant of the rows that slide, relative    Painleve's paradox
-          to that without friction
 ========  ==============================================  =============================
 
 Functions are evaluated at equidistant times of a step, and at their lowest points between them. A function counts once
@@ -112,7 +110,7 @@ def first_zero(values: Values, nodes: Array, armed: Array, watches: list[Watch])
     best: tuple[float, int] | None = None
     for w, watch in enumerate(watches):
         column = _Column(values, w, nodes, table[:, w], rates[:, w])
-        found, armed[w] = column.first_zero(bool(armed[w]), ARMED * watch.scale, dips=watch.kind != "jam")
+        found, armed[w] = column.first_zero(bool(armed[w]), ARMED * watch.scale)
         if found is not None and (best is None or found < best[0]):
             best = (found, w)
     return best
@@ -130,12 +128,12 @@ class _Column:
     def _rate_at(self, t: float) -> float:
         return float(self._values(t)[1][self._index])
 
-    def first_zero(self, armed: bool, ready: float, dips: bool) -> tuple[float | None, bool]:
+    def first_zero(self, armed: bool, ready: float) -> tuple[float | None, bool]:
         """Return the first zero, or None, and whether the function counts at the last node."""
         value, nodes = self.value, self.nodes
         for k in range(len(nodes) - 1):
             armed = armed or bool(value[k] > ready) or bool(value[k] >= -ready and self.rate[k] > 0.0)
-            low = self._lowest(k) if armed and dips else None
+            low = self._lowest(k) if armed else None
             if low is not None:
                 return self._root(nodes[k], low), True
             top = self._highest(k) if armed and value[k + 1] < 0.0 else nodes[k]

@@ -50,7 +50,6 @@ from consilience.mechanism import Array, Contact, Mechanism, State, characterist
 from consilience.reference.bodies.arrays import unpack
 from consilience.reference.bodies.canonical import joint_wrenches
 from consilience.reference.contact.equations import ContactEquations, Response, open_modes
-from consilience.reference.contact.geometry import check_contacts
 from consilience.reference.contact.impulse import solve_impulse
 from consilience.reference.contact.layout import RowLayout, layout_of
 from consilience.reference.contact.pairs import RowMotion
@@ -137,7 +136,6 @@ def solve_impact(
     NumericalFailure
         If no combination of modes is admissible: bodies are wedged.
     """
-    check_contacts(mechanism, contacts)
     layout = layout_of(replace(mechanism, contacts=contacts, stops=(), dry_frictions=()))
     equations = ContactEquations(layout)
     stepper = Stepper(equations, state, time, 1e-12, open_modes(layout))

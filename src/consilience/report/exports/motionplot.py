@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from consilience.errors import InvalidInput
 from consilience.report.curves import CurveSet
-from consilience.report.exports.plot import DASHES, SETTINGS, UNDATED
+from consilience.report.exports.plot import DASHES, SETTINGS, UNDATED, drawing_tools
 from consilience.report.figure import COLOURS
 
 if TYPE_CHECKING:
@@ -28,15 +28,10 @@ def motion_figure(curves: CurveSet) -> Figure:
     InvalidInput
         Matplotlib is not installed.
     """
-    try:
-        from matplotlib import rc_context  # noqa: PLC0415 - an extra: only a plot needs it
-        from matplotlib.figure import Figure  # noqa: PLC0415
-    except ModuleNotFoundError:
-        remedy = "Install the extra: pip install 'consilience[plot]'."
-        raise InvalidInput("Matplotlib", "it is not installed, and draws the plots", remedy) from None
+    settings, figures = drawing_tools()
     panels, marks = curves.by_panel(), curves.marks
-    with rc_context(SETTINGS):
-        figure = Figure(figsize=(WIDTH, TOP + PANEL * len(panels)), layout="constrained")
+    with settings(SETTINGS):
+        figure = figures(figsize=(WIDTH, TOP + PANEL * len(panels)), layout="constrained")
         axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
         for panel, (name, own) in zip(axes, panels.items(), strict=True):
             for n, k in enumerate(own):
@@ -54,9 +49,8 @@ def motion_figure(curves: CurveSet) -> Figure:
 def motion_plot(curves: CurveSet, title: str, form: str) -> bytes:
     """Draw curves, and return the bytes of the file; `form` is a key of `plot.UNDATED`."""
     figure, target = motion_figure(curves), io.BytesIO()
-    from matplotlib import rc_context  # noqa: PLC0415 - an extra, there by now
-
-    with rc_context(SETTINGS):
+    settings, _ = drawing_tools()
+    with settings(SETTINGS):
         # without a date the same record gives the same file
         figure.savefig(target, format=form, dpi=300, metadata={"Title": f"{title}: {curves.what}"} | UNDATED[form])
     return target.getvalue()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,7 @@ from consilience.report.wording import order_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 UNDATED: dict[str, dict[str, None]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {}}
 """Formats of a file, and the metadata that leave out its date."""
@@ -99,6 +101,23 @@ class PlottedMotion:
     y: tuple[float, ...]
 
 
+def drawing_tools() -> tuple[Callable[..., AbstractContextManager[None]], type[Figure]]:
+    """Return Matplotlib's context of settings and its class of figures.
+
+    Raises
+    ------
+    InvalidInput
+        Matplotlib is not installed.
+    """
+    try:
+        from matplotlib import rc_context  # noqa: PLC0415 - an extra: only a plot needs it
+        from matplotlib.figure import Figure as Drawn  # noqa: PLC0415
+    except ImportError:
+        remedy = "Install the extra: pip install 'consilience[plot]'."
+        raise InvalidInput("Matplotlib", "it is not installed, and draws the plots", remedy) from None
+    return rc_context, Drawn
+
+
 def plotted(record: Record, case: str, what: str, form: str) -> bytes:
     """Plot a case, and return the bytes of the file.
 
@@ -117,21 +136,13 @@ def plotted(record: Record, case: str, what: str, form: str) -> bytes:
     InvalidInput
         If the record has no such case, no motion of it, or Matplotlib is not installed.
     """
-    try:
-        from matplotlib import rc_context  # noqa: PLC0415 - an extra: only a plot needs it
-        from matplotlib.figure import Figure  # noqa: PLC0415
-    except ImportError:
-        raise InvalidInput(
-            "Matplotlib",
-            "it is not installed, and draws the plots",
-            "Install the extra: pip install 'consilience[plot]'.",
-        ) from None
+    settings, figures = drawing_tools()
     cases = {one["name"]: one for one in record.cases}
     if case not in cases:
         raise InvalidInput(f"case '{case}'", "it is not in this run", nearest(case, cases, "Cases"))
     drawn, motions = lines(record, cases[case], PLOTS[what]), record.motions(case)
-    with rc_context(SETTINGS):
-        figure = Figure(figsize=(WIDTH, HEIGHT + ENTRY * len(drawn)), layout="constrained")
+    with settings(SETTINGS):
+        figure = figures(figsize=(WIDTH, HEIGHT + ENTRY * len(drawn)), layout="constrained")
         axes = figure.subplots()
         _draw(axes, PLOTS[what], drawn)
         _mark(axes, PLOTS[what], cases[case], motions[0])

@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from consilience.errors import InvalidInput
 from consilience.mechanism import Array
 from consilience.report.exports.motionplot import PANEL, TOP, WIDTH
-from consilience.report.exports.plot import DASHES, SETTINGS
+from consilience.report.exports.plot import DASHES, SETTINGS, drawing_tools
 from consilience.report.figure import COLOURS
 
 if TYPE_CHECKING:
@@ -34,15 +33,10 @@ def study_figure(time: Array, panels: Sequence[Panel], title: str) -> Figure:
     InvalidInput
         Matplotlib is not installed.
     """
-    try:
-        from matplotlib import rc_context  # noqa: PLC0415 - an extra: only a plot needs it
-        from matplotlib.figure import Figure  # noqa: PLC0415
-    except ModuleNotFoundError:
-        remedy = "Install the extra: pip install 'consilience[plot]'."
-        raise InvalidInput("Matplotlib", "it is not installed, and draws the plots", remedy) from None
+    settings, figures = drawing_tools()
     columns = 2 if any(panel.effects for panel in panels) else 1
-    with rc_context(SETTINGS):
-        figure = Figure(figsize=(WIDTH * (0.5 + 0.5 * columns), TOP + 1.3 * PANEL * len(panels)), layout="constrained")
+    with settings(SETTINGS):
+        figure = figures(figsize=(WIDTH * (0.5 + 0.5 * columns), TOP + 1.3 * PANEL * len(panels)), layout="constrained")
         axes = figure.subplots(len(panels), columns, sharex=True, squeeze=False)
         figure.suptitle(title, fontsize=8.0)
         for row, panel in zip(axes, panels, strict=True):
