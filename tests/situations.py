@@ -183,10 +183,11 @@ SITUATIONS = (
     # ---------------------------------------------------------------- contact
     Situation("impacts at random phases", phase(0.2), D, "impacts within steps", order=1, impacts=True),
     Situation("impacts, order by chance", lambda h, s: 0.3 * h, D, "impacts within steps", order=1, impacts=True),
+    Situation("impacts late on every grid", lambda h, s: 1e-3, D, "impacts within steps", order=1, impacts=True),
     Situation(
         "impacts, another restitution", lambda h, s: 0.05 + phase(0.2)(h, s), M, "impacts elsewhere", impacts=True
     ),
-    Situation("impacts that scatter", noise(1e-3), U, "impacts unclear", order=1, impacts=True),
+    Situation("impacts that scatter", noise(0.05), U, "impacts unclear", order=1, impacts=True),
     Situation("a pyramid for the cone", lambda h, s: OTHER + 0.02 * h, M, "cone shape", order=1, other="cone shape"),
     Situation(
         "a pyramid, different at an instant already",

@@ -76,6 +76,12 @@ class Evidence:
     envelope : float or None
         Largest error of the finest level if errors are below a multiple of the step, see `uncertainty.envelope`; None
         where the levels do not shrink with the step.
+    phase : float
+        Largest displacement by impacts that come up to a step early or late: twice the largest rate of the motion times
+        the finest step and the number of impacts. Levels of halved steps share their grid, so that an envelope alone
+        may be blind to the phase.
+    untried : bool
+        Whether the engine has a softness that was not varied.
     law, law_cause : str
         Law of contact that the method solves in place of the case's, in words, and what it changes; empty if it is the
         case's, or the reference has no motion under it.
@@ -115,6 +121,8 @@ class Evidence:
     singular: bool = False
     impacts: bool = False
     envelope: float | None = None
+    phase: float = 0.0
+    untried: bool = False
     law: str = ""
     law_cause: str = ""
     off_law: float = math.inf
@@ -146,11 +154,20 @@ class Evidence:
         return self.limit > (1.0 if clean else CAUTIOUS / SAFE) * self.band + self.allowed
 
     @property
-    def within_envelope(self) -> bool:
+    def impact_bound(self) -> float:
+        """Largest difference that impacts at any phase of a step can make."""
+        return max(self.envelope or 0.0, self.phase)
+
+    @property
+    def within_phase(self) -> bool:
         """Whether impacts at any phase of a step explain the difference, by levels far from saturation."""
-        if not self.impacts or self.envelope is None or self.saturation > LINEAR:
-            return False
-        return self.finest <= self.envelope + self.allowed
+        return self.impacts and self.saturation <= LINEAR and self.finest <= self.impact_bound + self.allowed
+
+    @property
+    def beyond_phase(self) -> bool:
+        """Whether neither the phase of impacts in a step nor softness can explain the difference."""
+        settled = self.impacts and self.envelope is not None and not self.untried
+        return settled and self.finest > 2.0 * self.impact_bound + self.allowed
 
     @property
     def explained_by_law(self) -> bool:
@@ -187,9 +204,8 @@ class Evidence:
             return self.allowed
         if self.converges_here:
             return self.largest_limit
-        if self.within_envelope:
-            assert self.envelope is not None
-            return self.envelope + self.allowed
+        if self.within_phase:
+            return self.impact_bound + self.allowed
         return max(self.allowed, EXPLAINED * min(self.finest, SATURATED)) if self.softness_explains else self.allowed
 
     @property
@@ -198,7 +214,7 @@ class Evidence:
         passed = (
             self.finest <= self.allowed
             or self.converges_here
-            or self.within_envelope
+            or self.within_phase
             or (not self.earlier and self.softness_explains)
         )
         return passed and self.effect is not None and self.effect * LARGEST <= self.passes

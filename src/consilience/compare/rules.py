@@ -152,10 +152,10 @@ RULES: tuple[Rule, ...] = (
     Rule(
         "impacts within steps",
         Verdict.DISCRETISATION,
-        "bodies hit one another, and the difference is within an envelope of the levels that shrinks with the step",
-        lambda e: e.within_envelope,
+        "bodies hit one another, and the difference is within what impacts at any phase of a step can make",
+        lambda e: e.within_phase,
         lambda e: (
-            f"differs by {e.finest:.2g}, levels with impacts by up to {e.envelope:.2g}: smaller steps lead closer"
+            f"differs by {e.finest:.2g}, impacts within steps by up to {e.impact_bound:.2g}: smaller ones lead closer"
         ),
     ),
     *(_law_rule(*law) for law in OTHER_LAWS),
@@ -183,14 +183,14 @@ RULES: tuple[Rule, ...] = (
     Rule(
         "impacts elsewhere",
         Verdict.MODEL,
-        "bodies hit one another, and the difference is beyond twice an envelope that shrinks with the step",
-        lambda e: e.impacts and e.envelope is not None and e.finest > 2.0 * e.envelope + e.allowed,
-        lambda e: f"differs by {e.finest:.2g}, levels with impacts by up to {e.envelope:.2g}: they lead elsewhere",
+        "bodies hit one another, and the difference is beyond twice what impacts at any phase of a step can make",
+        lambda e: e.beyond_phase,
+        lambda e: f"differs by {e.finest:.2g}, impacts within steps by up to {e.impact_bound:.2g}: they lead elsewhere",
     ),
     Rule(
         "impacts unclear",
         Verdict.UNRESOLVED,
-        "bodies hit one another, and the levels show no envelope that shrinks with the step, or end too near to one",
+        "bodies hit one another, and the levels scatter, or end too near to what the phase of impacts can make",
         lambda e: e.impacts and not (e.limit is None and not e.cut),
         lambda e: (
             f"differs by {e.finest:.2g}; bodies hit one another at any phase of a step, and the levels differ too much"

@@ -123,7 +123,7 @@ class _Levels:
     def evidence(self, softer: Sequence[Run] = (), earlier: str = "") -> Evidence:
         """Return the numbers by which the levels are judged."""
         last, time, ladder = max(self.judged - 1, 0), self.reference.time, self.ladder
-        soft, hard_limit = self._dependence(softer)
+        soft, hard_limit, method = *self._dependence(softer), self.runs[-1].method
         found = Evidence(
             asked=10.0**-self.reference_motion.digits,
             judged=float(time[last] - time[0]),
@@ -147,6 +147,8 @@ class _Levels:
             hard_limit=hard_limit,
             cut=self._cut(),
             impacts=bool(np.any(self.reference_motion.impacts <= time[last])),
+            phase=self._phase(float(time[last])),
+            untried=method is not None and method.softness is not None and not softer,
             envelope=ladder.envelope,
             **self._other_law(),
         )
@@ -187,6 +189,14 @@ class _Levels:
             return max(float(np.max(difference[: self.judged][smooth], initial=0.0)) for difference in found)
 
         return min(map(largest, candidates))
+
+    def _phase(self, end: float) -> float:
+        """Return the largest displacement by impacts up to a time that come up to a step early or late."""
+        step, method = self.steps[-1], self.runs[-1].method
+        if method is None or not method.substeps or not step:
+            return 0.0
+        rate = max(self.scales.speed / self.scales.size, self.scales.spin)
+        return 2.0 * rate * step * float(np.sum(self.reference_motion.impacts <= end))
 
     def _other_law(self) -> dict[str, Any]:
         """Return the law of contact that the method solves, and the difference of the finest level to its motion."""
