@@ -7,7 +7,6 @@ import gc
 import os
 import sys
 from importlib import import_module
-from importlib.metadata import version as version_of
 from typing import Annotated, Any
 
 import typer
@@ -90,6 +89,8 @@ class _Commands(typer.core.TyperGroup):
 
 def _tell_version(asked: bool) -> None:
     if asked:
+        from importlib.metadata import version as version_of
+
         typer.echo(f"consilience {version_of('consilience')}")
         raise typer.Exit
 

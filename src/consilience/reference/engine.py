@@ -22,8 +22,6 @@ from consilience.engine import (
 )
 from consilience.errors import NumericalFailure
 from consilience.mechanism import Array, Mechanism, State, free_directions, in_units, mass_properties, own_units
-from consilience.reference.contact import contact_instant, simulate_with_contacts
-from consilience.reference.contact.layout import NOT_COVERED
 from consilience.reference.formulations import registry
 from consilience.reference.solver import accelerations, refuse_steep_friction, simulate
 
@@ -91,9 +89,11 @@ class ReferenceEngine:
 
     def unsupported(self, mechanism: Mechanism, question: Question) -> tuple[Unsupported, ...]:
         """List the features of a mechanism that the formulation cannot represent; by default some of contact."""
-        if question is Question.MODEL:
+        if question is Question.MODEL or (self._own is None and not _touches(mechanism)):
             return ()
         if self._own is None:
+            from consilience.reference.contact.layout import NOT_COVERED  # noqa: PLC0415 - slow to import
+
             return tuple(Unsupported(name, NOT_COVERED[name]) for name in mechanism.features if name in NOT_COVERED)
         return registry.unsupported(self._own, mechanism)
 
@@ -128,6 +128,8 @@ class ReferenceEngine:
     def instant(self, mechanism: Mechanism, states: Sequence[State], method: Method) -> InstantAnswer:
         """Return accelerations, reactions (if the formulation has them), contact forces and energies."""
         if self._own is None and _touches(mechanism):
+            from consilience.reference.contact import contact_instant  # noqa: PLC0415 - slow to import
+
             return contact_instant(mechanism, states)
         units = own_units(mechanism)
         own = in_units(mechanism, *units)
@@ -150,6 +152,8 @@ class ReferenceEngine:
             Tolerance, or for a formulation with constant steps the step, s.
         """
         if self._own is None and _touches(mechanism):  # lengths and speeds are relative there, and messages name them
+            from consilience.reference.contact import simulate_with_contacts  # noqa: PLC0415 - slow to import
+
             return simulate_with_contacts(mechanism, state, np.asarray(times), step)[0]
         refuse_steep_friction(mechanism)  # here, because the message names a speed
         units = own_units(mechanism, _unit_of_time(times))

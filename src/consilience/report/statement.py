@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -12,7 +13,6 @@ from typing import Any
 from consilience.compare import markdown_table
 from consilience.errors import visible
 from consilience.report.columns import columns, wrapped
-from consilience.report.markdown import escaped
 
 
 @dataclass(frozen=True)
@@ -31,6 +31,17 @@ class Statement:
     sentences: Sequence[str]
     tables: Sequence[tuple[str, Sequence[str], Sequence[Sequence[str]]]]
     data: dict[str, Any]
+
+
+def escaped(value: object) -> str:
+    """Escape text for Markdown and HTML, on one line, inside and outside tables."""
+    text = visible(re.sub(r"\s+", " ", str(value)))
+    text = text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
+    text = re.sub(r"([\\`*\[\]|~])", r"\\\1", text)
+    # a code host turns these into links and mentions
+    text = re.sub(r"://|www\.|@", lambda found: "".join(f"&#{ord(c)};" for c in found.group()), text)
+    # an underscore within a word needs no escape
+    return re.sub(r"(?<!\w)_|_(?!\w)", r"\\_", text)
 
 
 def _text(statement: Statement) -> str:
