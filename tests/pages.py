@@ -106,6 +106,7 @@ CODES: dict[str, tuple[int, ...]] = {
     "consilience run": (0, 1, 3),
     "consilience check": (0, 1, 3),
     "consilience trend": (0, 1),
+    "consilience bisect": (0, 1),
     "consilience mutate": (0, 1, 3),
 }
 """Exit codes that are no failure, by the beginning of a command; 0 for all others."""

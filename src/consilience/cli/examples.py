@@ -51,6 +51,10 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
         ("consilience diff both both --as ENGINE@OLD=ENGINE@NEW", "two versions in one report"),
     ),
     "trend": (("consilience trend nightly", "all reports of a folder"),),
+    "bisect": (
+        ("consilience bisect four_bar -e ENGINE@3.3..4.0", "the first bad release"),
+        ("consilience bisect four_bar -e ENGINE@3.3..4.0 -q instant -o versions", "one question; reports are kept"),
+    ),
     "export": (
         ("consilience export report -f junit -o junit.xml", "for CI"),
         ("consilience export report -f latex -o table.tex", "for a paper"),

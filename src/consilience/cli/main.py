@@ -42,6 +42,10 @@ LAZY_COMMANDS: dict[str, tuple[str, str]] = {
     "values": ("values.values", "Compare the reference with every expected value of the cases."),
     "diff": ("history.diff", "Tell what has changed between two reports."),
     "trend": ("history.trend", "Tell how the reports of a folder have changed over time."),
+    "bisect": (
+        "bisect.bisect",
+        "Find the first version of an engine whose answers are worse than those of an earlier one.",
+    ),
     "export": ("export.export", "Write a run as JUnit XML, CSV, JSON, a LaTeX table, BibTeX or a badge."),
     "plot": ("export.plot", "Plot a motion on every engine, fit for a paper."),
     "import": ("import_model.import_", "Write a case file from a URDF or MJCF file."),

@@ -24,6 +24,8 @@ from importlib.metadata import EntryPoint, version
 from pathlib import Path
 from typing import Any
 
+from packaging.version import InvalidVersion, Version
+
 from consilience.engine.installation import REQUIREMENTS, adapter_file
 from consilience.engine.protocol import GROUP, installed, split_name
 from consilience.engine.worker.process import Launch
@@ -40,6 +42,8 @@ _VERSION = re.compile(r"[0-9][0-9A-Za-z.+!]*")
 
 LONGEST = 1800.0
 """Time limit in s for building an environment."""
+
+_PUBLISHED = re.compile(r"^Available versions: (?P<versions>.+)$", re.MULTILINE)
 
 
 class NoEnvironment(Exception):
@@ -74,17 +78,55 @@ def launch_of(engine: str, stopped: Callable[[], bool]) -> Launch:
     base, _, asked = split_name(engine)
     if not asked:
         return Launch(sys.executable, tuple(folder or os.getcwd() for folder in sys.path))
-    known = installed()
-    if base not in known:
-        raise NoEnvironment(f"engine '{engine}': {base} is not installed; installed engines: {', '.join(known)}")
-    package = _package(engine, known[base])
+    point = _point(engine, base)
+    package = _package(engine, point)
     needs = _requirements(engine, package, asked)
     python, packages = _environment(f"{base}-{asked}", needs, stopped)
     about = ", ".join(f"{name} {number}" for name, number in packages.items())
-    return Launch(str(python), (str(_sources(known[base], package)),), f"own environment: {about}")
+    return Launch(str(python), (str(_sources(point, package)),), f"own environment: {about}")
+
+
+def published_versions(engine: str, first: str, last: str) -> list[str]:
+    """List the versions of an engine that pip finds for this Python, oldest first, from `first` to `last` inclusive.
+
+    Parameters
+    ----------
+    engine : str
+        Name without a version.
+    first, last : str
+        Versions in the sense of PEP 440: ``4.0`` is 4.0.0, and 4.0.1 is later.
+
+    Raises
+    ------
+    NoEnvironment
+        If the bounds are no versions, pip is missing, or it finds no version between them.
+    """
+    try:
+        lowest, highest = Version(first), Version(last)
+    except InvalidVersion as error:
+        raise NoEnvironment(f"engine '{engine}': {error}; write a range such as 3.3..4.0") from None
+    distribution, *_ = (
+        (_package(engine, _point(engine, split_name(engine)[0])) / REQUIREMENTS).read_text("utf-8").split()
+    )
+    command = [sys.executable, "-m", "pip", "index", "versions", "--disable-pip-version-check", distribution]
+    listed = _PUBLISHED.search(_run(f"{distribution} of any version", command, lambda: False))
+    found = sorted(map(Version, listed["versions"].split(", ") if listed else ()))
+    chosen = [str(version) for version in found if lowest <= version <= highest]
+    if not chosen:
+        known = f"{found[0]} to {found[-1]}" if found else "none"
+        raise NoEnvironment(f"engine '{engine}': pip finds no version from {first} to {last}; it finds {known}")
+    return chosen
 
 
 # ---------------------------------------------------------------- contents of an environment
+
+
+def _point(engine: str, base: str) -> EntryPoint:
+    """Entry point of an installed adapter."""
+    known = installed()
+    if base not in known:
+        raise NoEnvironment(f"engine '{engine}': {base} is not installed; installed engines: {', '.join(known)}")
+    return known[base]
 
 
 def _package(engine: str, point: EntryPoint) -> Path:
