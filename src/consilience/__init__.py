@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys
 from importlib import import_module
+from itertools import count
 from time import monotonic
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -30,6 +31,7 @@ if TYPE_CHECKING:  # the names once more for type checkers, which do not see tho
     from consilience.errors import CannotAssemble as CannotAssemble
     from consilience.errors import ConsilienceError as ConsilienceError
     from consilience.errors import InvalidInput as InvalidInput
+    from consilience.errors import NumericalFailure as NumericalFailure
     from consilience.mechanism import Array
     from consilience.mechanism import Body as Body
     from consilience.mechanism import Control as Control
@@ -63,7 +65,7 @@ if TYPE_CHECKING:  # the names once more for type checkers, which do not see tho
 _NAMES = {
     "case": "Case Drawing case_names frame load_case save_case",
     "engine": "Question Route load_engine",
-    "errors": "CannotAssemble ConsilienceError InvalidInput",
+    "errors": "CannotAssemble ConsilienceError InvalidInput NumericalFailure",
     "mechanism": "Body Control Coupling Drive Frame Friction Function Initial Joint JointSpring Load Mechanism "
     "Rolling Skate Solid Spring State ball bar block random_states",
     "reference": "accelerations initial_state",
@@ -80,6 +82,10 @@ __all__ = list(_MODULES)
 __all__ += ["compare", "simulate", "simulate_many", "study"]
 
 
+_PATIENCE = 1.0
+"""Time, s, after which progress is shown."""
+
+
 def __getattr__(name: str) -> Any:
     if name == "compare":
         return import_module("consilience.compare")
@@ -88,12 +94,12 @@ def __getattr__(name: str) -> Any:
     return getattr(import_module(f"consilience.{_MODULES[name]}"), name)
 
 
-def _drawn(mechanism: Mechanism) -> str:
+def _drawn(mechanism: Mechanism, state: State | None) -> str:
     """Return the drawing of a mechanism, for notebooks."""
     from consilience.mechanism import drawing_state  # noqa: PLC0415 - drawn in notebooks alone
     from consilience.report.picture import picture  # noqa: PLC0415
 
-    return picture(mechanism, drawing_state(mechanism), mechanism.name)
+    return picture(mechanism, state or drawing_state(mechanism), mechanism.name)
 
 
 def _saved(mechanism: Mechanism, path: str | Path) -> Path:
@@ -104,11 +110,11 @@ def _saved(mechanism: Mechanism, path: str | Path) -> Path:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted({*__all__, *(name for name in globals() if name.startswith("__"))})
 
 
 def simulate(
-    mechanism: Mechanism | Case,
+    mechanism: Mechanism | Case | Drawing,
     state: State | None = None,
     times: ArrayLike | None = None,
     tolerance: float = 1e-12,
@@ -121,7 +127,7 @@ def simulate(
 
     Parameters
     ----------
-    mechanism : Mechanism or Case
+    mechanism : Mechanism, Case or Drawing
     state : State, optional
         Consistent state at the first time; default: that of the case, or the drawing at rest, assembled.
     times : array_like, shape (n_t,), s, optional
@@ -138,15 +144,15 @@ def simulate(
     """
     import numpy as np  # noqa: PLC0415 - names of the library are imported at their first use
 
-    from consilience.case import Case  # noqa: PLC0415
     from consilience.errors import InvalidInput  # noqa: PLC0415
-    from consilience.mechanism import initial_state  # noqa: PLC0415
+    from consilience.mechanism import Mechanism, initial_state  # noqa: PLC0415
     from consilience.reference import simulate as integrate  # noqa: PLC0415
     from consilience.reference.contact import simulate_with_contacts  # noqa: PLC0415
     from consilience.report.simulation import Simulation  # noqa: PLC0415
 
-    if isinstance(mechanism, Case):
-        case, mechanism = mechanism, mechanism.mechanism
+    if not isinstance(mechanism, Mechanism):
+        case = _case(mechanism)
+        mechanism = case.mechanism
         state = case.initial_state if state is None else state
         times = case.times if times is None else times
     if times is None:
@@ -255,36 +261,42 @@ def _motions(
     starts: Sequence[State | Initial],
     tolerance: float,
 ) -> Study:
-    """Integrate many motions, and show the progress on a terminal."""
+    """Integrate many motions, and show the progress."""
     from consilience.reference.analyses.many_motions import simulate_many as integrate  # noqa: PLC0415
     from consilience.report.study import Study  # noqa: PLC0415
 
-    found = integrate(case.mechanism, mechanisms, starts, case.times, tolerance, progress=_progress(len(mechanisms)))
+    show = _progress(f"{len(mechanisms)} motions")
+    found = integrate(case.mechanism, mechanisms, starts, case.times, tolerance, progress=show)
     arrays = {name: getattr(found, name) for name in ("p_WB", "quat_WB", "v_WB_W", "w_WB_W")}
     failures, rebuilt = dict(sorted(found.failures.items())), tuple(sorted(found.rebuilt))
     return Study(case, parameters, grid, mechanisms, found.time, arrays, failures, rebuilt)
 
 
-def _progress(total: int) -> Callable[[int], None] | None:
-    """Return the function that shows on a terminal how many motions there are; None elsewhere."""
-    if not sys.stderr.isatty():
+def _progress(total: str) -> Callable[[int], None] | None:
+    """Return the function that shows on a terminal, or in a notebook, how many of all are done; None elsewhere."""
+    begun = monotonic()
+    if not (sys.stderr.isatty() or "ipykernel" in sys.modules):
         return None
 
     def show(done: int) -> None:
-        sys.stderr.write(f"\r{done} of {total} motions" + "\n" * (done == total))
-        sys.stderr.flush()
+        if monotonic() - begun > _PATIENCE:
+            sys.stderr.write(f"\r{done} of {total}" + "\n" * total.startswith(f"{done} "))
+            sys.stderr.flush()
 
     return show
 
 
 def _compare(
-    cases: Case | Sequence[Case], engines: Sequence[str] = (), questions: Sequence[Question] = ()
+    cases: Case | Mechanism | Drawing | Sequence[Case | Mechanism | Drawing],
+    engines: Sequence[str] = (),
+    questions: Sequence[Question] = (),
 ) -> Agreement:
     """Ask engines about cases and judge their answers by the reference.
 
     Parameters
     ----------
-    cases : Case or sequence of Case
+    cases : Case, Mechanism, Drawing, or a sequence of them
+        What is no case starts in its drawing, at rest.
     engines : sequence of str, optional
         Default: all that are installed.
     questions : sequence of Question, optional
@@ -292,16 +304,24 @@ def _compare(
 
     Raises
     ------
-    InvalidInput, CannotAssemble
+    InvalidInput
+        An engine is not installed; the nearest names are told.
+    CannotAssemble
     """
-    from consilience.case import Case  # noqa: PLC0415 - names of the library are imported at their first use
-    from consilience.engine import Question, installed  # noqa: PLC0415
+    # names of the library are imported at their first use
+    from collections.abc import Sequence  # noqa: PLC0415
+
+    from consilience.engine import Question, installed, require_installed  # noqa: PLC0415
     from consilience.report.agreement import Agreement  # noqa: PLC0415
     from consilience.suite import run_suite  # noqa: PLC0415
 
     begun = monotonic()
-    chosen = [cases] if isinstance(cases, Case) else cases
-    results = run_suite(chosen, engines or tuple(installed()), questions or tuple(Question))
+    chosen = [_case(case) for case in (cases if isinstance(cases, Sequence) else [cases])]
+    asked = engines or tuple(installed())
+    for name in () if isinstance(asked, str) else asked:
+        require_installed(name)
+    show, done = _progress(f"{len(chosen) * len({'reference', *asked})} answers of engines"), count(1)
+    results = run_suite(chosen, asked, questions or tuple(Question), progress=show and (lambda *_: show(next(done))))
     return Agreement.of(results, monotonic() - begun)
 
 

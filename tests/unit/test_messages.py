@@ -30,7 +30,7 @@ def start(mechanism, **given):
 
 
 REFUSED = {
-    r"inertia: shape \(3,\)\..*principal moments: np.diag": lambda: body(inertia=[1, 1, 1]),
+    r"body 'arm': inertia: shape \(2,\)\..*Three moments or the six": lambda: body(inertia=[1, 1]),
     r"body 'arm': inertia: it is no array of numbers": lambda: body(inertia=[[1, 2], [3]]),
     r"body 'arm': com: shape \(\)\. Give an array of shape \(3,\)": lambda: body(com=0.0),
     r"body 'arm': com: a component is not finite": lambda: body(com=[0, 0, np.nan]),
@@ -43,7 +43,7 @@ REFUSED = {
     r"bodies\[0\]: it is a Joint, not a Body": lambda: c.Mechanism("m", [0, 0, 0], [joint()], [body()]),
     r"state: p_WB: shape \(3,\).*One row is one body": lambda: c.State(*np.zeros((4, 3))),
     r"state: quat_WB: shape \(1, 3\)": lambda: c.State(*np.zeros((4, 1, 3))),
-    r"states: it is one state.*Give a list: \[state\]": lambda: c.accelerations(HINGE, STATE),
+    r"states: it is one state.*Give a list: \[state\]": lambda: c.simulate_many(HINGE, STATE),
     r"state: it has 1 bodies, mechanism .* has 3": lambda: c.accelerations(TWO, [STATE]),
     r"state: it is a list, not a State": lambda: c.simulate(HINGE, [STATE], np.arange(3.0)),
     r"mechanism: it is a Case.*case.mechanism": lambda: c.accelerations(c.load_case("double_pendulum"), [STATE]),
@@ -53,9 +53,10 @@ REFUSED = {
     r"joint 'j0': angle: it is no array of numbers": lambda: start(HINGE, coordinates={"angle": "a"}),
     r"joint 'j0': orientation: shape \(3,\).*quaternion": lambda: start(BALL, coordinates={"orientation": [0, 0, 1]}),
     r"joint 'j0': orientation: shape \(4,\).*angular vel": lambda: start(BALL, rates={"orientation": [1, 0, 0, 0]}),
-    r"'angular_velocity' is no coordinate.*'orientation' is the ang": lambda: start(
-        BALL, rates={"angular_velocity": [0, 0, 1]}
+    r"a spherical joint has no 'angular_velocity'.*orientation": lambda: start(
+        BALL, coordinates={"angular_velocity": [0, 0, 1]}
     ),
+    r"the matrix is not a rotation": lambda: start(BALL, coordinates={"orientation": 2.0 * np.eye(3)}),
     r"velocities: body 'b0': shape \(3,\).*v_WB_W, then": lambda: c.initial_state(
         HINGE, c.Initial(velocities={"b0": [0, 0, 1]})
     ),

@@ -1,6 +1,7 @@
 """Studies: many parameter sets and many states by one model, against closed forms and mechanisms of their own."""
 
 import io
+import sys
 
 import numpy as np
 import pytest
@@ -128,13 +129,22 @@ def test_rows_of_different_lengths_are_refused():
         cs.study(pendulum(), {"upper.mass": [1.0, 2.0], "lower.mass": [1.0]}, paired=True)
 
 
-def test_progress_is_shown_on_a_terminal_alone(monkeypatch):
+def test_progress_is_shown_where_somebody_waits(monkeypatch):
     class Terminal(io.StringIO):
         def isatty(self):
             return True
 
-    for screen, shown in ((Terminal(), "\r3 of 3 motions\n"), (io.StringIO(), "")):
+    for screen, kernel, patience, shown in (
+        (Terminal(), False, -1.0, "\r3 of 3 motions\n"),
+        (Terminal(), False, 1e3, ""),
+        (io.StringIO(), True, -1.0, "\r3 of 3 motions\n"),  # in a notebook
+        (io.StringIO(), False, -1.0, ""),
+    ):
+        monkeypatch.setattr(cs, "_PATIENCE", patience)
         monkeypatch.setattr("sys.stderr", screen)
+        monkeypatch.delitem(sys.modules, "ipykernel", raising=False)
+        if kernel:
+            monkeypatch.setitem(sys.modules, "ipykernel", sys)
         study = cs.study(slider(), {"mass.mass": [1.0, 2.0, 3.0]})
         assert screen.getvalue().endswith(shown)
         assert bool(screen.getvalue()) is bool(shown)

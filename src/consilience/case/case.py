@@ -91,6 +91,13 @@ class Case:
             for element in getattr(self.mechanism, group):
                 self._refuse_short(f"{group[:-1].replace('_', ' ')} '{element.name}': {name}", getattr(element, name))
 
+    def __repr__(self) -> str:
+        m, samples = self.mechanism, f"{len(self.times)} samples over {self.duration:g} s"
+        return f"Case '{self.name}': {len(m.bodies)} bodies, {len(m.joints)} joints, {samples}"
+
+    def _repr_html_(self) -> str | None:
+        return self.mechanism.drawn(None if self.unassembled else self.initial_state)
+
     def _refuse_short(self, where: str, function: Function | None) -> None:
         """Refuse a function of time whose table does not reach over the trajectory."""
         table = None if function is None else function.table

@@ -17,6 +17,8 @@ from consilience.mechanism import (
     Array,
     Frame,
     Mechanism,
+    check_inertia,
+    inertia_tensor,
     quaternion_from_rotation,
     rotation_from_quaternion,
 )
@@ -31,7 +33,7 @@ _ELEMENTS = tuple(
 )
 """Kinds of elements of a case file."""
 
-_INERTIA = (("xx", 0, 0), ("yy", 1, 1), ("zz", 2, 2), ("xy", 0, 1), ("xz", 0, 2), ("yz", 1, 2))
+_INERTIA = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
 
 
 def frame(p: ArrayLike, orientation: ArrayLike | None = None) -> Frame:
@@ -190,8 +192,9 @@ class Drawing:
         Parameters
         ----------
         start, rates : mapping of joint name to value
-            Held joint coordinates and rates at the start: one number for a joint of one coordinate, else a mapping by
-            the names of the coordinates. All others are assembled from the drawing, at rest.
+            Held joint coordinates and rates at the start: the value for a joint of one coordinate, else a mapping by
+            the names of the coordinates. An ``orientation`` is a quaternion, a matrix, or a table of a case file; its
+            rate is ``angular_velocity``, in axes of F. All others are assembled from the drawing, at rest.
         **trajectory
             ``duration`` and ``sample`` (s), ``digits``, as in a case file.
 
@@ -200,16 +203,26 @@ class Drawing:
         InvalidInput
             With part, field, what is wrong and what would be right.
         """
-        initial = {what: self._held(values) for what, values in (("joints", start), ("rates", rates)) if values}
-        tables = {**self._tables, "initial": initial, "trajectory": _plain_fields(trajectory)}
+        held = {"joints": self._held(start or {}, "orientation"), "rates": self._held(rates or {}, "angular_velocity")}
+        tables = {**self._tables, "initial": held, "trajectory": _plain_fields(trajectory)}
         (case,) = cases_from_tables(self.name, self.name, tables)
         return case
+
+    def __repr__(self) -> str:
+        bodies, joints, *elements = (len(self._tables.get(name, ())) for name in ("body", "joint", *_ELEMENTS))
+        return f"Drawing '{self.name}': {bodies} bodies, {joints} joints, {sum(elements)} elements"
+
+    def _repr_html_(self) -> str | None:
+        try:
+            return self.mechanism()._repr_html_()
+        except InvalidInput:  # it is not complete yet
+            return None
 
     def _add(self, kind: str, table: dict[str, Any]) -> None:
         self._tables.setdefault(kind, []).append(table)
 
-    def _held(self, values: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-        """Return held values by joint and coordinate; a bare number belongs to the joint's only coordinate."""
+    def _held(self, values: Mapping[str, Any], of_orientation: str) -> dict[str, dict[str, Any]]:
+        """Return held values by joint and coordinate; a bare value belongs to the joint's only coordinate."""
         kinds = {joint["name"]: joint["kind"] for joint in self._tables.get("joint", ())}
         held: dict[str, dict[str, Any]] = {}
         for joint, value in values.items():
@@ -221,7 +234,8 @@ class Drawing:
                 raise InvalidInput(
                     f"joint '{joint}'", f"a {kinds[joint]} joint has {len(names)} coordinates", f"Name them: {known}."
                 )
-            held[joint] = _plain_fields(value if isinstance(value, Mapping) else {names[0]: value})
+            only = of_orientation if names == ("orientation",) else names[0] if names else ""
+            held[joint] = _plain_fields(value if isinstance(value, Mapping) else {only: value})
         return held
 
 
@@ -231,7 +245,11 @@ def _plain(value: Any) -> Any:
 
 
 def _plain_fields(fields: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: _plain_fields(v) if isinstance(v, Mapping) else _plain(v) for name, v in fields.items()}
+    """Return fields as a file has them: without arrays, an orientation as a table."""
+    found = {name: _plain_fields(v) if isinstance(v, Mapping) else _plain(v) for name, v in fields.items()}
+    given = found.get("orientation")
+    way = {(4,): "quaternion", (3, 3): "rows"}.get(np.asarray(given, dtype=object).shape)
+    return found | {"orientation": {way: given}} if way else found
 
 
 def _orientation(R: Array) -> dict[str, Any]:
@@ -241,13 +259,6 @@ def _orientation(R: Array) -> dict[str, Any]:
 
 def _inertia(given: ArrayLike, where: str) -> dict[str, float]:
     """Return the table `inertia` of three moments, six entries or the tensor."""
-    values = np.asarray(given, dtype=float)
-    if values.shape == (3,):
-        values = np.diag(values)
-    if values.shape == (6,):
-        return dict(zip((name for name, _, _ in _INERTIA), values.tolist(), strict=True))
-    if values.shape != (3, 3):
-        raise InvalidInput(where, f"it has shape {values.shape}", "Give three moments, six entries, or the tensor.")
-    if np.max(np.abs(values - values.T)) > 1e-12 * np.max(np.abs(values)):
-        raise InvalidInput(where, "the tensor is not symmetric", "Give a symmetric 3 x 3 tensor.")
-    return {name: float(values[i, j]) for name, i, j in _INERTIA}
+    tensor = inertia_tensor(given, where)
+    check_inertia(tensor, where)
+    return {name: float(tensor[at]) for name, at in _INERTIA.items()}

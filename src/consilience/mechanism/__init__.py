@@ -7,7 +7,7 @@ is), `joints` and `joint_rows` (what a joint holds), `constraints` (the equation
 
 from consilience.mechanism.applied_forces import Wrenches, applied_wrenches, conservative_part
 from consilience.mechanism.assembly import Initial, assemble_positions, assemble_velocities, drawing_state, row_names
-from consilience.mechanism.bodies import Body, Frame, check_inertia
+from consilience.mechanism.bodies import Body, Frame, check_inertia, inertia_tensor
 from consilience.mechanism.branches import SingularPose, singular_pose
 from consilience.mechanism.conditioning import mass_matrix_condition, reaction_condition, worst_condition
 from consilience.mechanism.constraints import (
@@ -219,6 +219,7 @@ __all__ = [
     "full_turns",
     "holonomic_rows",
     "in_units",
+    "inertia_tensor",
     "initial_state",
     "is_singular",
     "joint_coordinates",

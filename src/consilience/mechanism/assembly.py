@@ -62,7 +62,8 @@ class Initial:
     Attributes
     ----------
     coordinates, rates : mapping of joint name to mapping of coordinate name to value
-        Held joint coordinates and rates, by the names of `JOINT_KINDS`.
+        Held joint coordinates and rates, by the names of `JOINT_KINDS`. An orientation is a quaternion or a matrix; its
+        rate, ``angular_velocity`` or ``orientation``, is in axes of F.
     poses : mapping of body name to Frame
         Poses in the world, the guess in place of the drawing.
     velocities : mapping of body name to (v_WB_W, w_WB_W)
@@ -149,11 +150,10 @@ def held_coordinates(
         where = f"initial.{field_name}: joint '{name}'"
         require(by_coordinate, Mapping, where, f"Give values by coordinate: {', '.join(known) or 'none'}.")
         for coordinate, value in by_coordinate.items():
-            if coordinate == "angular_velocity" and "orientation" in known:
-                remedy = "Among rates 'orientation' is the angular velocity in axes of F, three numbers in rad/s."
-                raise InvalidInput(where, "'angular_velocity' is no coordinate", remedy)
-            _check_coordinate(joint, coordinate)
-            held.append((joint, coordinate, _held_value(where, coordinate, value, rates=field_name == "rates")))
+            rates = field_name == "rates"
+            name_of = "orientation" if rates and coordinate == "angular_velocity" else coordinate
+            _check_coordinate(joint, name_of)
+            held.append((joint, name_of, _held_value(where, name_of, value, rates)))
     return held
 
 
@@ -162,7 +162,9 @@ def _held_value(where: str, coordinate: str, value: ArrayLike, rates: bool) -> A
     size = {"position": 3, "orientation": 3 if rates else 4}.get(coordinate, 1)
     hint = ""
     if coordinate == "orientation":
-        hint = " It is an angular velocity in axes of F." if rates else " It is a quaternion, scalar first."
+        hint = " It is an angular velocity in axes of F." if rates else " A quaternion, scalar first, or a matrix."
+        if not rates and np.asarray(value, dtype=object).shape == (3, 3):
+            value = quaternion_from_rotation(Frame(np.zeros(3), np.asarray(value)).R)
     return fixed_array(np.atleast_1d(np.asarray(value)), (size,), f"{where}: {coordinate}", hint)
 
 

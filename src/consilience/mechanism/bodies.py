@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from numbers import Real
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from consilience.errors import InvalidInput, require
 from consilience.mechanism.spatial import Array, cross, fixed_array
@@ -49,7 +50,8 @@ class Body:
     com : ndarray, shape (3,), m
         Centre of mass from the body's origin, in body axes (``p_BBcm_B``).
     inertia : ndarray, shape (3, 3), kg m^2
-        Inertia tensor about the centre of mass in body axes (``I_BBcm_B``): ``I[0, 1] = -sum m x y``.
+        Inertia tensor about the centre of mass in body axes (``I_BBcm_B``): ``I[0, 1] = -sum m x y``. Three principal
+        moments or six entries of it may be given (`inertia_tensor`).
     drawing : Frame
         Pose of the body in the drawing, from the world origin (``p_WB``, ``R_WB``).
     """
@@ -63,8 +65,7 @@ class Body:
     def __post_init__(self) -> None:
         where = f"body '{self.name}'"
         object.__setattr__(self, "com", fixed_array(self.com, (3,), f"{where}: com"))
-        hint = " Of principal moments: np.diag([1.0, 1.0, 1.0])."
-        object.__setattr__(self, "inertia", fixed_array(self.inertia, (3, 3), f"{where}: inertia", hint))
+        object.__setattr__(self, "inertia", inertia_tensor(self.inertia, f"{where}: inertia"))
         require(self.drawing, Frame, f"{where}: drawing", "Give Frame(p, R), the pose in the drawing.")
         require(self.mass, Real, f"{where}: mass", "Give a number, in kg.")
         if not (np.isfinite(self.mass) and self.mass > 0):
@@ -74,6 +75,31 @@ class Body:
 
 ROUNDING_OF_MOMENTS = 1e-14
 """Least principal moment over the largest: one below it may be rounding of the tensor, of either sign."""
+
+
+def inertia_tensor(given: ArrayLike, where: str = "inertia") -> Array:
+    """Return an inertia tensor, read-only, shape (3, 3), kg m^2.
+
+    Parameters
+    ----------
+    given : array_like, shape (3,), (6,) or (3, 3), kg m^2
+        Moments about the axes, or the entries xx, yy, zz, xy, xz, yz of the tensor, or the tensor.
+    where : str
+        Body and field, for the message.
+
+    Raises
+    ------
+    InvalidInput
+        It has another shape, or holds what is no finite number.
+    """
+    shape = np.asarray(given, dtype=object).shape
+    if shape == (3,):
+        given = np.diag(fixed_array(given, (3,), where))
+    elif shape == (6,):
+        xx, yy, zz, xy, xz, yz = fixed_array(given, (6,), where)
+        given = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+    hint = " Three moments or the six entries xx, yy, zz, xy, xz, yz will do."
+    return fixed_array(given, (3, 3), where, hint)
 
 
 def check_inertia(inertia: Array, where: str) -> None:

@@ -124,8 +124,8 @@ class Mechanism:
     stops: tuple[Stop, ...] = ()
     dry_frictions: tuple[DryFriction, ...] = ()
 
-    html: ClassVar[Callable[[Mechanism], str] | None] = None
-    """Function that draws a mechanism for notebooks: the library sets it, which knows how to draw."""
+    html: ClassVar[Callable[[Mechanism, State | None], str] | None] = None
+    """Function that draws a mechanism, in a state, for notebooks: the library sets it, which knows how to draw."""
 
     writer: ClassVar[Callable[[Mechanism, str | Path], Path] | None] = None
     """Function that writes a mechanism as a case file: the library sets it, which knows files."""
@@ -135,7 +135,11 @@ class Mechanism:
         return f"Mechanism '{self.name}': {len(self.bodies)} bodies, {len(self.joints)} joints{''.join(elements)}"
 
     def _repr_html_(self) -> str | None:
-        return None if Mechanism.html is None else Mechanism.html(self)
+        return self.drawn()
+
+    def drawn(self, state: State | None = None) -> str | None:
+        """Return an SVG picture of the mechanism in a state, or in its drawing; None if only this room is imported."""
+        return None if Mechanism.html is None else Mechanism.html(self, state)
 
     def save(self, path: str | Path) -> Path:
         """Write the mechanism as a case file, which starts at rest in its drawing; return the path.

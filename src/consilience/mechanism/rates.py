@@ -35,6 +35,8 @@ CHORDS = 64
 
 def frictions_too_steep(mechanism: Mechanism) -> list[Friction]:
     """Return the friction elements whose Coulomb part no step of an integrator resolves."""
+    if not mechanism.frictions:
+        return []
     sizes = {"distance": characteristic_length(mechanism)}
     return [f for f in mechanism.frictions if f.coulomb > 0.0 and f.speed < LEAST_SPEED * sizes.get(f.coordinate, 1.0)]
 

@@ -102,8 +102,8 @@ def bar(start: ArrayLike, end: ArrayLike, radius: float) -> Solid:
     return Solid(volume, (a + b) / 2.0, volume * R @ np.diag([across, across, r * r / 2.0]) @ R.T)
 
 
-def _positive(where: str, given: ArrayLike | Sequence[float], shape: tuple[int, ...]) -> Array:
+def _positive(where: str, given: ArrayLike | Sequence[float], shape: tuple[int, ...]) -> list[float]:
     values = fixed_array(given, shape, where)
     if not np.all(values > 0.0):
         raise InvalidInput(where, f"{values.tolist()} m is not positive", "Give lengths above zero, in m.")
-    return values
+    return values.tolist()

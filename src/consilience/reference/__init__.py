@@ -45,4 +45,5 @@ def __getattr__(name: str) -> Any:
     if name not in _MODULES:
         raise AttributeError(f"module 'consilience.reference' has no attribute '{name}'")
     announce_compilation()
-    return getattr(import_module(f"consilience.reference.{_MODULES[name]}"), name)
+    globals()[name] = found = getattr(import_module(f"consilience.reference.{_MODULES[name]}"), name)
+    return found

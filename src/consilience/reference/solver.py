@@ -267,9 +267,11 @@ def _causes(mechanism: Mechanism, state: State) -> str:
 
 
 def accelerations(
-    mechanism: Mechanism, states: Sequence[State], formulation: str = "descriptor", t: float = 0.0
+    mechanism: Mechanism, states: State | Sequence[State], formulation: str = "descriptor", t: float = 0.0
 ) -> InstantAnswer:
     """Compute accelerations, reactions and energies at consistent states, drives and loads at the time t.
+
+    The first axis of the answer counts the states, also where there is one.
 
     Reactions are those of least norm if dependent constraints leave them undetermined
     (`consilience.mechanism.determinate_reactions` tells the determined components), and None if a formulation
@@ -283,6 +285,7 @@ def accelerations(
         If the accelerations are not finite, for example at a spring of no length, or do not satisfy a constraint: at a
         singular pose velocities may lead along no motion.
     """
+    states = [states] if isinstance(states, State) else states
     require_states(mechanism, states)
     if formulation != "descriptor" or not len(states):
         return _accelerations(mechanism, states, formulation, t)

@@ -40,6 +40,9 @@ class ReplayPage:
 
     html: str
 
+    def __repr__(self) -> str:
+        return f"ReplayPage: {len(self.html) / 1000:.0f} kB of HTML; save(path) writes it"
+
     def save(self, path: str | Path) -> Path:
         """Write the page to a file."""
         target = Path(path)

@@ -314,7 +314,8 @@ def _held(values: Mapping[str, Any], rates: bool) -> TomlTable:
     table: TomlTable = {name: np.asarray(value, dtype=float).tolist() for name, value in values.items()}
     if "orientation" in table:
         orientation = table.pop("orientation")
-        table |= {"angular_velocity": orientation} if rates else {"orientation": {"quaternion": orientation}}
+        way = "quaternion" if len(orientation) == 4 else "rows"
+        table |= {"angular_velocity": orientation} if rates else {"orientation": {way: orientation}}
     return table
 
 
