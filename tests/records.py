@@ -52,6 +52,7 @@ def comparison(case, engine, question, verdict=Verdict.AGREES, **more):
         "growth": [],
         "quantities": [] if moving else [quantity("accelerations", 3e-13, 1e-11), quantity("reactions", 2e-13, 1e-12)],
         "times": [0.0, 1.0, 2.0] if moving else [],
+        "coarser": [],
         "power": [{"kind": "gravity", "of": "gravity", "limit": 2e-5}] if moving else [],
         "levels": [level(0.02, (0.0, 1e-5, 1e-4)), level(0.01, (0.0, 1e-6, 0.5))] if moving else [],
     }

@@ -11,7 +11,7 @@ from consilience.compare.judge import REFERENCE, judge_case, stable_levels
 from consilience.compare.rules import RULES
 from consilience.compare.softness import SCALES
 from consilience.compare.uncertainty import LEVEL_BUDGET, MOST_LEVELS
-from consilience.engine import Method, Profile, Question, Route, Run, Status
+from consilience.engine import Method, Profile, Question, Route, Run, Status, TrajectoryAnswer
 from consilience.engine.worker.client import Reply
 from consilience.engine.worker.requests import Plan
 from consilience.mechanism import Initial, JointSpring
@@ -110,6 +110,46 @@ def test_unstable_levels_before_stable_ones_are_left_out():
     runs = list(ladder(Question.TRAJECTORY, method, [SAMPLE / n for n in THREE]))
     assert [run.status for run in runs] == [Status.FAILED, Status.ANSWERED, Status.ANSWERED]
     assert [run.level for run in stable_levels(case, runs)] == [1, 2]
+
+
+class Sampling(Known):
+    """The same at the samples that are asked; its motions die at steps above 0.3 s."""
+
+    def ask(self, request):
+        reply = super().ask(request)
+        at = np.searchsorted(TIMES, request.times)
+        fields = ("time", "p_WB", "quat_WB", "v_WB_W", "w_WB_W")
+        some = TrajectoryAnswer(*(getattr(reply.value, name)[at] for name in fields))
+        return replace(reply, value=some, returned=request.step < 0.3, cpu=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("error", "longer"),
+    [
+        (lambda h, _: h**2, [(0.05, 2.5e-3), (0.025, 6.25e-4), (0.01, 1e-4)]),
+        (
+            lambda h, _: 1e-3 * h**2,
+            [(0.4, None), (0.2, 4e-5), (0.1, 1e-5), (0.05, 2.5e-6), (0.025, 6.25e-7), (0.01, 1e-7)],
+        ),
+        (lambda _, __: 0.1, []),
+    ],
+    ids=["until three digits are lost", "until the motion dies", "not below three digits"],
+)
+def test_longer_steps_are_asked_and_decide_nothing(error, longer):
+    """Samples are 0.05 s apart and the ladder begins at 0.005 s; of a step of n samples every n-th is asked."""
+    method = Method("m", Route.NATIVE, 2, tuple(THREE))
+    plan = Plan({Question.TRAJECTORY: ()}, {Question.TRAJECTORY: (method,)}, {})
+    runs = list(EngineCase(Sampling(error, 0.0, 0.0), CASE, plan, reference_motion=YARD).question(Question.TRAJECTORY))
+    truth = Run("c", REFERENCE, Question.TRAJECTORY, Method("r", Route.REFERENCE), 0, None, Status.ANSWERED, TRUE)
+    judged = [run for run in runs if run.level >= 0]
+    with_them, without = (
+        next(c for c in judge_case(CASE, [truth, *some]) if c.engine == "known") for some in (runs, judged)
+    )
+    assert [level.step for level in with_them.coarser] == pytest.approx([step for step, _ in longer])
+    # the largest difference is at 1.7 s; some strides pass by it, at up to 10 % less
+    for level, (_, largest) in zip(with_them.coarser, longer, strict=True):
+        assert level.largest == (largest if largest is None else pytest.approx(largest, rel=0.1))
+    assert replace(with_them, coarser=()) == without
 
 
 @pytest.mark.parametrize(("died", "verdict"), [(True, Verdict.UNRESOLVED), (False, Verdict.MODEL)])

@@ -101,6 +101,24 @@ def test_engines_are_told_by_their_own_integrators_and_the_harness_apart():
     assert [row.name for row in view.standings] == ["alpha", "beta_1"]
 
 
+@pytest.mark.parametrize(
+    ("coarser", "text"),
+    [
+        ([(0.5, 0.002, 1e-2), (0.1, 0.004, 1e-4)], "4 ms"),
+        ([(0.5, 0.002, None), (0.1, 0.004, 1e-4)], "4 ms"),
+        ([(1.0, 0.002, 1e-4), (0.1, 0.004, 1e-5)], "2 ms"),
+        ([(0.5, 0.002, 1e-4), (0.1, 0.004, 1e-5)], "\N{LESS-THAN OR EQUAL TO} 2 ms"),
+    ],
+    ids=["digits lost", "motion dies", "a single step", "not tried to the end"],
+)
+def test_longer_steps_make_the_time_to_few_digits_a_number(coarser, text):
+    """The motion of 1 s has 7 digits at the coarsest level of its ladder."""
+    tried = [dict(zip(("step", "cpu", "largest"), one, strict=True)) for one in coarser]
+    told = entries(page(record_of([motion("a", "alpha", 9.0, coarser=tried)])), "alpha")
+    assert told["3 digits"].text == text
+    assert told["9 digits"].text == "20 ms"
+
+
 def test_what_to_look_at_first_is_another_model_and_alike_cells_share_a_line():
     failed = [
         comparison(case, "alpha", "instant", Verdict.FAILED, digits=None, why="the worker died: signal SIGSEGV")

@@ -88,6 +88,7 @@ def comparison(case, engine, question, how, verdict, why, digits=None, **more):
         "quantities": [],
         "times": [],
         "levels": [],
+        "coarser": [],
         "power": [],
         **more,
     }

@@ -20,7 +20,7 @@ from consilience.compare.other_methods import reconsidered
 from consilience.compare.power import sensitivities
 from consilience.compare.published import against_published, dispute
 from consilience.compare.reference_motion import ReferenceMotion
-from consilience.compare.result import Comparison, Quantity, Verdict
+from consilience.compare.result import CoarserLevel, Comparison, Quantity, Verdict
 from consilience.compare.rules import CONVERGENCE, rate_text
 from consilience.compare.trajectory import spread_over_time
 from consilience.engine import Profile, Question, Run, Status, load_named
@@ -41,6 +41,10 @@ class Judge(Protocol):
 
     def compare(self, levels: Sequence[Run], softer: Sequence[Run]) -> Comparison:
         """Compare the answers of an engine by one method with the reference."""
+        ...
+
+    def coarser(self, runs: Sequence[Run]) -> tuple[CoarserLevel, ...]:
+        """Compare motions at longer steps than those of the levels with the reference, without judging them."""
         ...
 
 
@@ -85,7 +89,11 @@ def question_judge(
 
 
 def judge_method(case: Case, judge: Judge | None, runs: Sequence[Run]) -> Comparison:
-    """Compare the runs of one engine by one method: levels, and the finest with other softness."""
+    """Compare the runs of one engine by one method: levels, the finest with other softness, and longer steps."""
+    coarser = [r for r in runs if r.level < 0]
+    if coarser and judge is not None:
+        judged = judge_method(case, judge, [r for r in runs if r.level >= 0])
+        return replace(judged, coarser=judge.coarser(coarser))
     levels, softer = [r for r in runs if not _softened(r)], [r for r in runs if _softened(r)]
     levels = stable_levels(case, levels)
     if judge is None or any(run.status is not Status.ANSWERED for run in levels):

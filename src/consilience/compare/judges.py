@@ -19,9 +19,9 @@ from consilience.compare.other_laws import answer_under, cause_of
 from consilience.compare.power_of_bars import at_first_states, instants_at_first_states, with_power
 from consilience.compare.published import dispute, start_against_published
 from consilience.compare.reference_motion import OtherLaw, ReferenceMotion
-from consilience.compare.result import Comparison, Quantity, Verdict
+from consilience.compare.result import CoarserLevel, Comparison, Quantity, Verdict
 from consilience.compare.rules import OTHER_LAWS
-from consilience.compare.trajectory import compare_trajectory
+from consilience.compare.trajectory import coarser_levels, compare_trajectory
 from consilience.engine import Method, ModelAnswer, Profile, Question, Run
 from consilience.mechanism import State, characteristic_length, first_singular, is_singular
 
@@ -55,6 +55,10 @@ class QuestionJudge:
             Answered runs of the finest level with other softness of constraints; often none.
         """
         raise NotImplementedError
+
+    def coarser(self, runs: Sequence[Run]) -> tuple[CoarserLevel, ...]:
+        """Compare motions at longer steps than those of the levels; none of other questions."""
+        return ()
 
 
 def method_of(run: Run) -> Method:
@@ -174,6 +178,10 @@ class TrajectoryJudge(QuestionJudge):
             why = f"{compared.why}; a singular pose comes before {at:.3g} s, and nothing is judged behind it"
             compared = replace(compared, why=why)
         return compared if len(own) == len(levels) else replace(compared, quantities=self.known)
+
+    def coarser(self, runs: Sequence[Run]) -> tuple[CoarserLevel, ...]:
+        """Compare with the reference motion."""
+        return coarser_levels(self.case.mechanism, runs, self.reference_motion)
 
     def _motion(self, method: Method) -> ReferenceMotion:
         """Return the reference motion, with that under the law of contact of a method beside it."""

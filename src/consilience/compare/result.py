@@ -79,6 +79,22 @@ class Level:
 
 
 @dataclass(frozen=True)
+class CoarserLevel:
+    """A motion at a longer step than those of a ladder, which is not judged.
+
+    Attributes
+    ----------
+    step, cpu : float, s
+    largest : float or None
+        Largest difference to the reference up to the horizon; None without a motion.
+    """
+
+    step: float
+    cpu: float
+    largest: float | None
+
+
+@dataclass(frozen=True)
 class Comparison:
     """Comparison of an engine's answer to one question by one method with the reference.
 
@@ -108,6 +124,8 @@ class Comparison:
         Order and band of each observable of a trajectory.
     growth : tuple of float
         Growth of a perturbation of the reference, on `times`.
+    coarser : tuple of CoarserLevel
+        Motions at longer steps than those of `levels`, coarse to fine.
     power : tuple of Power
         Smallest errors that would have been noticed, one of each kind of parameter that acts; none of an answer that
         was not judged.
@@ -136,6 +154,7 @@ class Comparison:
     quantities: tuple[Quantity, ...] = ()
     times: tuple[float, ...] = ()
     levels: tuple[Level, ...] = ()
+    coarser: tuple[CoarserLevel, ...] = ()
     power: tuple[Power, ...] = ()
 
 

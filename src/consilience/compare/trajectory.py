@@ -33,13 +33,16 @@ from consilience.compare.motion import (
     state_at,
 )
 from consilience.compare.reference_motion import ReferenceMotion
-from consilience.compare.result import Comparison, Level, Verdict, digits_of
+from consilience.compare.result import CoarserLevel, Comparison, Level, Verdict, digits_of
 from consilience.compare.rules import NO_POWER, decide
 from consilience.engine import Question, Run, TrajectoryAnswer
 from consilience.mechanism import Array, Mechanism, fastest_rate, turning_rate
 
 RESIDUAL_SAMPLES = 21
 RATE_SAMPLES = 3
+
+MOTION = ("time", "p_WB", "quat_WB", "v_WB_W", "w_WB_W")
+"""Fields of the motion of the bodies alone, in the order of `TrajectoryAnswer`."""
 
 
 def spread_over_time(mechanism: Mechanism, answers: Sequence[TrajectoryAnswer]) -> Array:
@@ -298,6 +301,24 @@ def compare_trajectory(
         levels=levels.shown(samples),
         power=tuple(s.power(evidence.passes, levels.judged) for s in reference_motion.sensitivities),
     )
+
+
+@uncertainty.BLOWN_UP
+def coarser_levels(
+    mechanism: Mechanism, runs: Sequence[Run], reference_motion: ReferenceMotion
+) -> tuple[CoarserLevel, ...]:
+    """Compare motions at all or some samples of the reference motion with it, the longest step first."""
+    whole, size = reference_motion.answer, size_of_motion(mechanism, reference_motion.answer)
+    found = []
+    for run in sorted(runs, key=lambda run: run.step or 0.0, reverse=True):
+        largest = None
+        if run.answer is not None:
+            at = np.searchsorted(whole.time, run.answer.time)
+            some = TrajectoryAnswer(*(getattr(whole, name)[at] for name in MOTION))
+            off = difference_over_time(run.answer, some, size)[at < max(reference_motion.judged, 1)]
+            largest = float(np.max(off)) if np.all(np.isfinite(off)) else None
+        found.append(CoarserLevel(run.step or 0.0, run.cpu, largest))
+    return tuple(found)
 
 
 @dataclass(frozen=True)

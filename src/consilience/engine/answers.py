@@ -25,6 +25,11 @@ class Route(StrEnum):
     HARNESS_STEPPING = "engine's contact solver with the harness's stepping"
     REFERENCE = "reference"
 
+    @property
+    def is_own(self) -> bool:
+        """Whether the engine's own solver or integrator answers."""
+        return self in (Route.NATIVE, Route.TUNED, Route.EXTRAPOLATED)
+
 
 class Profile(StrEnum):
     """Whose settings an engine runs with."""
@@ -270,7 +275,8 @@ class Run:
     Attributes
     ----------
     level : int
-        Index into `Method.substeps` or `Method.tolerances`; 0 for questions without levels.
+        Index into `Method.substeps` or `Method.tolerances`; 0 for questions without levels. Below 0: a longer step,
+        whose motion is not judged.
     step : float or None
         Step size of a trajectory in s, or its tolerance where the method is adaptive.
     answer : Answer or None

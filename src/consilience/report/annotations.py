@@ -15,9 +15,6 @@ from consilience.engine.failures import failure_class
 from consilience.report.findings import finding_of
 from consilience.report.selection import deciding, grouped, is_matched
 
-OWN_ROUTES = (Route.NATIVE, Route.TUNED, Route.EXTRAPOLATED)
-"""Routes on which the engine's own solver or integrator answers."""
-
 WITHOUT_RULE: dict[str, str] = {
     Verdict.AGREES: "bars met",
     Verdict.MODEL: "bar missed",
@@ -47,7 +44,7 @@ def cause_of(comparison: Mapping[str, Any]) -> str:
 
 def is_own(comparison: Mapping[str, Any]) -> bool:
     """Whether the engine's own solver or integrator answered."""
-    return comparison["route"] in OWN_ROUTES
+    return comparison["route"] is not None and Route(comparison["route"]).is_own
 
 
 def digits_asked(comparison: dict[str, Any], case: dict[str, Any]) -> float | None:

@@ -9,7 +9,7 @@ from typing import Any
 from consilience.compare.judge import REFERENCE
 from consilience.report.figure import COLOURS, GREY, MARKERS, Figure, add_asked, compact, figure, log_axis, title_of
 from consilience.report.record import Record
-from consilience.report.selection import is_matched, judged_largest, mean_step, method_of
+from consilience.report.selection import is_matched, mean_step, method_of, tried_levels
 from consilience.report.wording import level_text, order_text
 
 
@@ -33,7 +33,8 @@ def _precision(
 ) -> Figure:
     """Draw the largest differences of all levels of a case.
 
-    Engines differ by colour, methods by the shape of the marker; markers of default methods are hollow.
+    Engines differ by colour, methods by the shape of the marker; markers of default methods are hollow. Longer steps,
+    which are not judged, are drawn where at least one digit is right.
 
     Parameters
     ----------
@@ -52,7 +53,11 @@ def _precision(
         engine, method = comparison["engine"], method_of(record.runs_of(comparison))
         marker = MARKERS[seen[engine] % len(MARKERS)]
         seen[engine] += 1
-        placed = [(x, level) for level in comparison["levels"] if (x := abscissa(level, method))]
+        placed = [
+            (x, level, largest)
+            for level, largest in tried_levels(comparison)
+            if (x := abscissa(level, method)) and (level in comparison["levels"] or (largest or 1.0) < 1.0)
+        ]
         if not placed:
             continue
         colour = GREY if engine == REFERENCE else COLOURS[engines.index(engine) % len(COLOURS)]
@@ -60,9 +65,9 @@ def _precision(
         own = f", order {order_text(comparison['order'])}" if stated else ""
         traces.append(
             {
-                "x": compact([x for x, _ in placed]),
-                "y": compact([judged_largest(comparison, level) for _, level in placed]),
-                "text": [level_text(level["step"], method) for _, level in placed],
+                "x": compact([x for x, _, _ in placed]),
+                "y": compact([largest for _, _, largest in placed]),
+                "text": [level_text(level["step"], method) for _, level, _ in placed],
                 "name": title_of(comparison) + own,
                 "legendgroup": escape(engine),
                 "legendgrouptitle": {"text": escape(engine)},

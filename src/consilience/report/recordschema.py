@@ -217,6 +217,14 @@ class LevelFields(_RecordModel):
     counters: dict[NameField, CountField | NumberField | None]
 
 
+class CoarserFields(_RecordModel):
+    """A motion at a longer step than those of the levels; `largest` is None without a motion."""
+
+    step: SecondsField
+    cpu: SecondsField
+    largest: NumberField | None
+
+
 class ComparisonLine(_RecordModel):
     """A comparison."""
 
@@ -244,8 +252,9 @@ class ComparisonLine(_RecordModel):
     quantities: list[QuantityFields]
     times: list[SecondsField]
     levels: list[LevelFields]
+    coarser: list[CoarserFields] = Field(default_factory=list)
     power: list[PowerFields] = Field(default_factory=list)
-    """Absent in earlier records."""
+    """These two are absent in earlier records."""
 
     cause: NameField | None = None
     """Key of the cause of the verdict; this and the fields below are absent in earlier records."""

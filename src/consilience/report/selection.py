@@ -61,6 +61,15 @@ def judged_largest(comparison: dict[str, Any], level: dict[str, Any]) -> float |
     return None if any(d is None for d in judged) else max(judged, default=0.0)
 
 
+def tried_levels(comparison: dict[str, Any]) -> list[tuple[dict[str, Any], float | None]]:
+    """List all steps that were tried with their largest difference up to the horizon, coarse to fine.
+
+    The first are those that are not judged.
+    """
+    coarser = [(level, level["largest"]) for level in comparison["coarser"]]
+    return coarser + [(level, judged_largest(comparison, level)) for level in comparison["levels"]]
+
+
 @dataclass(frozen=True)
 class Deciding:
     """The quantity with the largest ratio of difference to bar; None for a number that is absent or not finite."""

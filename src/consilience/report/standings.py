@@ -14,7 +14,7 @@ from consilience.report.annotations import is_own
 from consilience.report.cells import Cell
 from consilience.report.defaults import own_digits
 from consilience.report.record import Record
-from consilience.report.selection import grouped, is_matched, judged_largest
+from consilience.report.selection import grouped, is_matched, tried_levels
 from consilience.report.wording import DASH, LOOKS, anchor, digits_text
 
 DIGITS = (3, 6, 9)
@@ -133,14 +133,15 @@ def _defaults(record: Record, cells: Sequence[Cell], able: int) -> Entry:
 def _cost(motions: Sequence[dict[str, Any]], digits: int, able: int, harness: bool) -> Entry:
     """Return the median CPU time of the cheapest level of each case that has the digits.
 
-    It is a bound where the coarsest level tried has them already: coarser ones were not measured.
+    It is a bound where the coarsest level tried has them already: coarser ones were not measured. None is coarser than
+    a single step.
     """
     cheapest: dict[str, tuple[float, bool]] = {}
     for c in motions:
-        for n, level in enumerate(c["levels"]):
-            largest = judged_largest(c, level)
+        for n, (level, largest) in enumerate(tried_levels(c)):
             if largest is not None and largest <= 10.0**-digits:
-                cheapest[c["case"]] = min(cheapest.get(c["case"], (float("inf"), False)), (level["cpu"], n == 0))
+                coarsest = n == 0 and level["step"] < c["times"][-1] - c["times"][0]
+                cheapest[c["case"]] = min(cheapest.get(c["case"], (float("inf"), False)), (level["cpu"], coarsest))
     if not cheapest:
         return Entry(DASH, -1.0)
     costs = sorted(cheapest.values())

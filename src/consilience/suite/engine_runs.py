@@ -9,7 +9,7 @@ import logging
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -23,7 +23,8 @@ from consilience.compare.uncertainty import MOST_LEVELS, affordable, needs_anoth
 from consilience.engine import EngineInfo, Method, Question, Run, Status, defects, load_named
 from consilience.engine.worker.client import EngineHandle, replayable_job
 from consilience.engine.worker.requests import NO_METHOD, Plan, Request
-from consilience.mechanism import Mechanism, PhysicalParameter, State, displaced_states
+from consilience.mechanism import Array, Mechanism, PhysicalParameter, State, displaced_states
+from consilience.suite.coarser_runs import coarser_runs
 from consilience.suite.perturbed_runs import perturbed_runs, sensitive_parameters
 from consilience.suite.store import Store, StoredAnswer
 
@@ -129,15 +130,21 @@ class EngineCase:
         methods = self.thoroughness.some(plan.methods[question], worker.engine)
         if not methods:
             yield self._failed(question, None, NO_METHOD)
-        headline: list[Run] = []
+        headline: Sequence[Run] = []
         for method in methods:
             levels = levels_of(case, question, method)
             if not levels:
                 yield self._failed(question, method, _NO_LEVEL)
                 continue
+            ladder = []
             for run in self.ladder(question, method, levels):
-                headline += [run] if method is methods[0] else []
+                ladder.append(run)
                 yield run
+            headline = headline or ladder
+            if question.over_time and self.reference_motion is not None:
+                yield from coarser_runs(
+                    partial(self._motion, method), case.mechanism, method, ladder[0], self.reference_motion
+                )
         if worker.engine == REFERENCE and methods:
             if question.over_time and self.thoroughness.closer:
                 yield from self._displaced(methods[0])
@@ -209,6 +216,10 @@ class EngineCase:
             return []
         return [start * step / first for step in (run.step for run in runs) if step is not None]
 
+    def _motion(self, method: Method, level: int, step: float, times: Array) -> Run:
+        """Ask for a motion at other samples than those of the case."""
+        return self.once(Question.TRAJECTORY, method, level, step, times=times)
+
     def _prospect(self, runs: Sequence[Run]) -> Prospect:
         """Return the effect of more levels; without a reference motion the verdict counts as open."""
         if self.reference_motion is None or not runs[0].question.over_time:
@@ -241,6 +252,7 @@ class EngineCase:
         level: int,
         step: float | None,
         subject: tuple[Mechanism, Sequence[State]] | None = None,
+        times: Array | None = None,
     ) -> Run:
         """Return one run, from the store if the answer is there.
 
@@ -254,11 +266,14 @@ class EngineCase:
             Step size in s, or tolerance; None for a question without levels.
         subject : tuple of Mechanism and states, optional
             Default: mechanism of the case, with its states or its initial state.
+        times : ndarray, s, optional
+            Sample times of a motion; default: those of the case.
         """
         case = self.case
         mechanism, states = subject or (case.mechanism, case.states if question.at_states else [case.initial_state])
         parameters = load_named(question.parameters)(case) if question.parameters else {}
-        request = Request(mechanism, question, method, states, case.times, step or 0.0, parameters=parameters)
+        samples = case.times if times is None else times
+        request = Request(mechanism, question, method, states, samples, step or 0.0, parameters=parameters)
         key = self.store.key(self.info, request) if self.store is not None and self.info is not None else ""
         kept = self.store.find(key) if self.store is not None and key else None
         run = Run(case.name, self.worker.engine, question, method, level, step, Status.ANSWERED)
@@ -277,7 +292,7 @@ class EngineCase:
         """Let the worker do a job, and check the form of the answer."""
         reply, wrong = self.worker.ask(request), ""
         if reply.returned:
-            count = run.question.sample_count(len(request.states), len(self.case.times))
+            count = run.question.sample_count(len(request.states), 0 if request.times is None else len(request.times))
             wrong = "; ".join(defects(reply.value, run.question, self.case.mechanism, count))
         run = replace(run, reason=wrong or reply.reason, manifest=self.plan.manifest, cpu=reply.cpu, log=reply.log)
         if not reply.returned or wrong:

@@ -171,7 +171,7 @@ class _Suite:
         runs = list(ask_case(worker, case, results.questions, self.thoroughness, self.store, info, motion))
         if name != REFERENCE and REFERENCE in self.workers:
             runs += runs_under_other_laws(self.workers[REFERENCE], case, runs, self.store)
-        if name == REFERENCE and self.thoroughness.closer:
+        if name == REFERENCE and Question.TRAJECTORY in results.questions:
             self._reference_motions[number] = reference_motion(case, runs)
         if name == REFERENCE and any(run.question == Question.TRAJECTORY and run.answer is not None for run in runs):
             dense = finest_motion(worker, densely_sampled(case), store=self.store, info=info).answer
@@ -267,8 +267,8 @@ def run_suite(
     for number, case in enumerate(cases):
         results.comparisons += judged[number] if number in judged else _judged(case, names, number, found)
     results.runs = [run for name in names for n in range(len(cases)) for run in found.get((name, n), [])]
-    # the use of the others is the power of comparisons, and their cause
-    results.runs = [run for run in results.runs if run.perturbation is None and not under_other_law(run)]
+    # the use of the others is the power of comparisons, their cause, and the time of few digits
+    results.runs = [r for r in results.runs if r.perturbation is None and r.level >= 0 and not under_other_law(r)]
     results.engines = {name: results.engines[name] for name in names if name in results.engines}
     return results
 
