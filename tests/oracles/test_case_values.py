@@ -50,7 +50,6 @@ def test_origins_give_the_values_within_their_uncertainty(name):
 PENDING = {
     **dict.fromkeys(("ball_on_spring",), "compliance"),
     **dict.fromkeys(("bead_on_turning_rod-outward", "bead_on_turning_rod-inward"), "dry friction of a reaction"),
-    **dict.fromkeys(("pulled_boxes",), "the start of sliding of several points of two bodies at once"),
 }
 """Cases that the reference does not solve yet, with what they need."""
 

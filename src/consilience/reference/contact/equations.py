@@ -230,6 +230,12 @@ class ContactEquations:
         assert one.load is not None
         return one.load // 3
 
+    def heading(self, j: int) -> Array:
+        """Return the heading of a disc that slides, shape (2,), along the tangents of the last state."""
+        k = self.acting.index(j)
+        along: Array = self.rows.frame[self._modes.pair[k], 1:] @ self._modes.heading[k]
+        return along / np.linalg.norm(along)
+
     def turn(self, heading: tuple[Array | None, ...]) -> None:
         """Take over headings of what slides at the last state, faster than they are held."""
         for k, j in enumerate(self.acting):

@@ -13,6 +13,9 @@ from consilience.reference.contact.stepper import Stepper
 _LEAST_FORCE = 1e-3
 """Least scale of forces, over the weight of all bodies."""
 
+_CLEAR = 1e-2
+"""Margin of the forces of least norm, over the forces, from which it stands for the widest, whose sign it has."""
+
 _RISING = 1e-11
 """Rate of a gap from which it counts, over the speeds of the mechanism."""
 
@@ -59,7 +62,7 @@ class EventFunctions:
 
     def at(self, t: float, y: Array, stepper: Stepper) -> tuple[Array, Array]:
         """Return the event functions, and their rates where known (else NaN), at a packed state near the last one."""
-        layout, modes, equations = self._layout, stepper.modes, self._equations
+        layout, equations = self._layout, self._equations
         p = np.zeros(0)
         if any(w.kind in ("normal", "margin", "group") for w in self.watches):
             p = equations.row_forces(t, y, stepper.turns)
@@ -74,11 +77,22 @@ class EventFunctions:
             elif watch.kind == "normal":
                 values[w] = p[layout.normals[k]]
             elif watch.kind == "group":
-                response = stepper.respond(t, y)
-                values[w] = widest_margin(equations, response, modes, sliding_rates(equations, modes, 0.0))[0]
+                values[w] = self._of_group(t, y, stepper, p, watch.scale)
             else:
                 values[w] = self._of_friction(watch.kind, k, stepper, p)
         return values, rates
+
+    def _of_group(self, t: float, y: Array, stepper: Stepper, p: Array, scale: float) -> float:
+        """Return the margin of forces that are undetermined: the widest, where those of least norm leave doubt."""
+        layout, modes = self._layout, stepper.modes
+        margins = [float(p[n]) for n, closed in zip(layout.normals, modes.closed, strict=True) if closed]
+        for one, mode in zip(layout.friction, modes.friction, strict=True):
+            if mode is not None and len(mode.held):
+                margins.append(friction_margin(one, mode, p))
+        if min(margins) > _CLEAR * scale:
+            return min(margins)
+        response = stepper.respond(t, y)
+        return widest_margin(self._equations, response, modes, sliding_rates(self._equations, modes, 0.0))[0]
 
     def _of_friction(self, kind: str, j: int, stepper: Stepper, p: Array) -> float:
         one, mode, heading = self._layout.friction[j], stepper.modes.friction[j], stepper.modes.heading[j]

@@ -77,18 +77,19 @@ class Samples:
         self._modes: list[Array] = []
         self._losses: list[float] = []
 
-    def record(self, stepper: Stepper) -> None:
-        """Record the present state as a sample."""
+    def record(self, stepper: Stepper, t: float) -> None:
+        """Record the state at a time within the last step, or at its end, as a sample."""
         layout = self._layout
         contacts = len(layout.mechanism.contacts)
-        rows = stepper.equations.move(stepper.t, stepper.y, stepper.turns)
+        y, impulse, loss, turns = stepper.sample(t)
+        rows = stepper.equations.move(t, y, turns)
         gaps = np.full(contacts, np.inf)
         np.minimum.at(gaps, layout.site[3 * np.arange(len(layout.parts))], rows.gap[: len(layout.parts)])
-        self._states.append(stepper.y.copy())
+        self._states.append(y)
         self._gaps.append(gaps)
-        self._impulses.append(stepper.impulse.copy())
+        self._impulses.append(impulse)
         self._modes.append(site_modes(layout, stepper.modes)[:contacts])
-        self._losses.append(stepper.loss)
+        self._losses.append(loss)
 
     def add(self, time: float, kind: str, site: int) -> None:
         """Add an event."""

@@ -24,7 +24,7 @@ from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Array, Contact, Mechanism, State, characteristic_length
 from consilience.reference.bodies.canonical import sample_times
 from consilience.reference.contact.bounces import Bounces
-from consilience.reference.contact.equations import ContactEquations, Response, RowModes, direction, open_modes
+from consilience.reference.contact.equations import ContactEquations, Response, RowModes, open_modes
 from consilience.reference.contact.event_functions import EventFunctions
 from consilience.reference.contact.events import PARTS, Watch, first_zero, start_of_slip
 from consilience.reference.contact.impact import Impact, apply_impact
@@ -37,6 +37,7 @@ from consilience.reference.contact.lasting import (
 )
 from consilience.reference.contact.layout import layout_of
 from consilience.reference.contact.samples import ContactEvent, Samples
+from consilience.reference.contact.slip_headings import STILL, STOPPED, SlipHeadings
 from consilience.reference.contact.stepper import Stepper
 
 TOUCHING = 1e-10
@@ -45,12 +46,9 @@ TOUCHING = 1e-10
 GRAZING = 1e-13
 """Largest overlap without impact, over the length of the mechanism."""
 
-_STILL = 1e-11  # rates that count as zero, over the speeds of the mechanism
-_STOPPING = 1e-12  # slip below which the heading of what stops is held, over the same
-_HELD = 1e-6  # slip up to which the heading of what starts to slide in a plane is held, over the same
 _SINKS = 1e-8  # acceleration into a plane that counts as zero, over that of falling
 _BINDING = 1e-7  # margins of undetermined forces that count as equal, over the forces
-_STOPPED = 1e-9  # slip across the heading with which a contact stops, over the same
+_STEPS = 16  # least number of steps of a motion
 _CHAIN = 1000  # impacts or events at one instant
 _CRAWL = 1e-8
 
@@ -106,25 +104,28 @@ class _ContactSimulation:
         self.times = sample_times(times)
         self.layout = layout_of(mechanism)
         self.equations = ContactEquations(self.layout)
-        self.stepper = Stepper(self.equations, state, float(self.times[0]), tolerance, open_modes(self.layout))
-        self.samples = Samples(self.layout)
+        start, longest = float(self.times[0]), float(np.ptp(self.times)) / _STEPS or np.inf
+        self.stepper = Stepper(self.equations, state, start, tolerance, open_modes(self.layout), longest)
+        self.samples, self.recorded = Samples(self.layout), 0
         self.impacts: list[Impact] = []
         radii = [part.radius for part in self.layout.parts if hasattr(part, "radius")]
         self.length = max([characteristic_length(mechanism), *radii])
         gravity = float(np.linalg.norm(mechanism.gravity))
         self.speed = max(float(np.sqrt(gravity * self.length)), 1e-6 * self.length)
         self.bounces = Bounces(self.layout, self.length)
+        self.slips = SlipHeadings(self.equations)
         self.functions = EventFunctions(self.equations, self.length)
         self.at_once = (float("-inf"), 0)
 
     def integrate(self) -> TrajectoryAnswer:
-        """Integrate from sample to sample."""
+        """Integrate step by step; samples are taken within steps."""
         self._refuse_overlap()
         self._settle(frozenset(), {}, frozenset(), first=True)
-        for sample in self.times:
-            while self.stepper.t < sample:
-                self._advance(float(sample))
-            self.samples.record(self.stepper)
+        end = float(self.times[-1])
+        self._record(self.stepper.t)
+        while self.stepper.t < end:
+            self._advance(end)
+            self._record(self.stepper.t)
         counters: dict[str, int | float] = {**self.stepper.counters, "impacts": len(self.impacts)}
         return self.samples.answer(self.times, counters)
 
@@ -143,19 +144,29 @@ class _ContactSimulation:
                 "Start with the shapes apart, or just touching.",
             )
 
+    def _record(self, until: float) -> None:
+        """Record the samples that the last step has reached."""
+        while self.recorded < len(self.times) and self.times[self.recorded] <= until:
+            self.samples.record(self.stepper, float(self.times[self.recorded]))
+            self.recorded += 1
+
     # ------------------------------------------------------------------------------------------------------- steps
 
     def _advance(self, bound: float) -> None:
         """Take one step, to its first event if there is one."""
         stepper = self.stepper
-        self._turn_headings()
+        self.slips.turn(stepper, self.speed)
         stepper.advance(bound)
+        if self.slips.leave_line(stepper, self.speed):
+            stepper.go_back_to(stepper.t)
         self.speed = self._speeds()
         nodes = np.linspace(stepper.started, stepper.t, PARTS + 1)
         armed = self.functions.armed.copy()
         found = first_zero(self._values, nodes, self.functions.armed, self.functions.watches)
         if found is None:
-            self._slow_slip()
+            halted = self.slips.halted(stepper, self.speed)
+            if halted is not None:
+                self._settle(frozenset(), {}, frozenset([halted]))
             return
         t, w = found
         watch = self.functions.watches[w]
@@ -164,6 +175,7 @@ class _ContactSimulation:
             self.functions.armed = armed
             return
         self._end_at(t, w)
+        self._record(float(np.nextafter(self.stepper.t, -np.inf)))
         self._happens(watch)
         self._refuse_standstill()
 
@@ -174,51 +186,11 @@ class _ContactSimulation:
         if self.at_once[1] > _CHAIN:
             raise NumericalFailure(f"{_CHAIN} events of contact at the instant t = {now:.12g} s: they do not settle")
 
-    def _turn_headings(self) -> None:
-        """Let the headings of what slides follow the velocities."""
-        heading = list(self.stepper.modes.heading)
-        if all(h is None for h in heading):
-            return
-        rows = self.equations.move(self.stepper.t, self.stepper.y, self.stepper.turns)
-        for j, h in enumerate(heading):
-            if h is not None and len(h) == 2 and self.layout.friction[j].facets == 0:
-                slip = rows.u[list(self.layout.friction[j].rows)]
-                if float(np.linalg.norm(slip)) > _STILL * self.speed:
-                    heading[j] = direction(slip, h, float(self.equations.held[j]))
-                    if float(np.linalg.norm(slip)) > self.equations.held[j]:
-                        self.equations.held[j] = _STOPPING * self.speed
-        self.stepper.turn(tuple(heading))
-
     def _stops(self, t: float, watch: Watch) -> bool:
         """Return whether the slip of a friction set vanishes at t, rather than turns away from its heading."""
         self.equations.move(t, self.stepper.between(t), self.stepper.turns)
         slip = self.equations.rows.u[list(self.layout.friction[watch.index].rows)]
-        return len(slip) == 1 or bool(np.linalg.norm(slip) <= _STOPPED * watch.scale)
-
-    def _slow_slip(self) -> None:
-        """Stop what has slipped to a halt along a curve."""
-        response = None
-        for j, slip in self._slips():
-            if slip < _STOPPED * self.speed and self.equations.held[j] < _STOPPED * self.speed:
-                rows = list(self.layout.friction[j].rows)
-                if response is None:
-                    response = self.stepper.respond(self.stepper.t, self.stepper.y)
-                    force = self.stepper.forces()
-                    a = response.free + response.K @ (response.K.T @ force)
-                if float(self.equations.rows.u[rows] @ a[rows]) < 0.0:
-                    self._settle(frozenset(), {}, frozenset([j]))
-                    return
-
-    def _slips(self) -> list[tuple[int, float]]:
-        """Return the friction sets that slide in a plane on a disc, with their speeds."""
-        if not any(h is not None and len(h) == 2 for h in self.stepper.modes.heading):
-            return []
-        rows = self.equations.move(self.stepper.t, self.stepper.y, self.stepper.turns)
-        return [
-            (j, float(np.linalg.norm(rows.u[list(one.rows)])))
-            for j, (one, h) in enumerate(zip(self.layout.friction, self.stepper.modes.heading, strict=True))
-            if h is not None and len(h) == 2 and one.facets == 0
-        ]
+        return len(slip) == 1 or bool(np.linalg.norm(slip) <= STOPPED * watch.scale)
 
     def _end_at(self, t: float, w: int) -> None:
         """End the last step at the zero of an event function near t."""
@@ -298,7 +270,7 @@ class _ContactSimulation:
         hit = self._hit(closing)
         response = self.stepper.respond(self.stepper.t, self.stepper.y)
         rows = self.equations.rows
-        still = _STILL * self._speeds()
+        still = STILL * self._speeds()
         gap, rate = rows.gap[self.layout.gaps], rows.u[list(self.layout.normals)]
         near = np.isin(np.arange(len(gap)), list(closing)) | (gap <= TOUCHING * self.length)
         touching = near & (np.abs(rate) <= still)
@@ -307,12 +279,11 @@ class _ContactSimulation:
         sliding = sliding_rates(self.equations, None if hit or first else before, still)
         for j, one in enumerate(self.layout.friction if stopped else ()):
             at = list(one.rows)  # what moves as one stops as one
-            if j in stopped or float(np.linalg.norm(sliding[at])) <= _STOPPED * self.speed:
+            if j in stopped or float(np.linalg.norm(sliding[at])) <= STOPPED * self.speed:
                 sliding[at] = 0.0
         previous = None if hit or first else before
         found = self._decide(response, touching, sliding, previous, opened, started)
-        self.equations.held[:] = _STOPPING * self.speed
-        self.equations.held[list(started)] = _HELD * self.speed
+        self.slips.begin(started, self.speed)
         self.stepper.change_modes(found.modes)
         if not first:
             self.samples.compare(self.stepper.t, before, found.modes, hit)
@@ -355,7 +326,7 @@ class _ContactSimulation:
         stepper, hit = self.stepper, set[int]()
         for _ in range(_CHAIN):
             response = stepper.respond(stepper.t, stepper.y)
-            rows, still = self.equations.rows, _STILL * self._speeds()
+            rows, still = self.equations.rows, STILL * self._speeds()
             gap, rate = rows.gap[self.layout.gaps], rows.u[list(self.layout.normals)]
             closed = np.isin(np.arange(len(gap)), list(closing))
             touching = closed | (gap <= TOUCHING * self.length)

@@ -31,12 +31,22 @@ class Stepper:
     modes : RowModes
     counters : dict of str to int
         Accepted steps and evaluations of the derivative.
+
+    The longest step, s, bounds how far event functions are looked at together.
     """
 
-    def __init__(self, equations: ContactEquations, state: State, t: float, tolerance: float, modes: RowModes) -> None:
+    def __init__(
+        self,
+        equations: ContactEquations,
+        state: State,
+        t: float,
+        tolerance: float,
+        modes: RowModes,
+        longest: float = np.inf,
+    ) -> None:
         self.equations, self.modes = equations, modes
         self._layout, self._model = equations.layout, equations.model
-        self._tolerance = tolerance
+        self._tolerance, self._longest = tolerance, longest
         self._ws = workspace(self._model)
         self._turns = np.zeros(len(self._model.coordinate))
         self.counters = {"steps": 0, "evaluations": 0}
@@ -51,6 +61,7 @@ class Stepper:
         self._Y = np.concatenate([y.ravel(), np.zeros(3 * contacts + 1)])
         self._bodies, self.t, self.started = bodies, t, t
         self._h: float | None = None
+        self._pieces: list[tuple[float, Any]] = []
         count_turns(self._model, self.y, self._ws, self._turns)
         self._restart()
 
@@ -86,9 +97,23 @@ class Stepper:
 
     def between(self, t: float) -> Array:
         """Return a packed state within the last step by the interpolant."""
-        y = np.array(self._dense(t))[: self._count].reshape(self._shape)
+        y = self._interpolated(t)[: self._count].reshape(self._shape)
         normalise(y, self._bodies)
         return y
+
+    def _interpolated(self, t: float) -> Array:
+        """Return the state within the last step, with impulses and loss."""
+        dense = [one for start, one in self._pieces if start <= t]
+        return np.array((dense or [self._pieces[0][1]])[-1](t))
+
+    def sample(self, t: float) -> tuple[Array, Array, float, Array]:
+        """Return state, impulses, loss and turns within the last step, projected as at its end."""
+        if t == self.t:
+            return self.y.copy(), self.impulse.copy(), self.loss, self.turns
+        Y, turns = self._interpolated(t), self._turns.copy()
+        y = Y[: self._count].reshape(self._shape)
+        self._project(t, y, turns)
+        return y, Y[self._count : -1].reshape(-1, 3), float(Y[-1]), turns
 
     def turn(self, heading: tuple[Array | None, ...]) -> None:
         """Continue with other headings of what slides."""
@@ -112,7 +137,7 @@ class Stepper:
         self.modes = modes
         self.equations.activate(modes)
         self._Y = self._Y.copy()
-        self._project()
+        self._project(self.t, self.y, self._turns)
         self._restart()
 
     # ------------------------------------------------------------------------------------------------------ steps
@@ -145,7 +170,14 @@ class Stepper:
         if self._solver is None or self._solver.t_bound != bound:
             first = None if self._h is None else min(self._h, bound - self.t)
             self._solver = scipy.integrate.DOP853(
-                self._derivative, self.t, self._Y, bound, rtol=self._tolerance, atol=self._absolute, first_step=first
+                self._derivative,
+                self.t,
+                self._Y,
+                bound,
+                rtol=self._tolerance,
+                atol=self._absolute,
+                first_step=first,
+                max_step=self._longest,
             )
         solver = self._solver
         self._before = (self.t, self._Y, self._turns.copy())
@@ -155,11 +187,11 @@ class Stepper:
             raise NumericalFailure(f"reference with contacts, t = {solver.t:.12g} s: {message}")
         self.started, self.t = self._before[0], float(solver.t)
         self._Y = solver.y.copy()
-        self._project()
+        self._project(self.t, self.y, self._turns)
         solver.y = self._Y
         solver.f = self._derivative(solver.t, solver.y)
         self._h = max(solver.h_abs, planned) if solver.status == "finished" else solver.h_abs
-        self._dense = solver.dense_output()
+        self._pieces = [(self.started, solver.dense_output())]
         self.counters["steps"] += 1
 
     def go_back_to(self, t: float) -> None:
@@ -167,30 +199,38 @@ class Stepper:
         start, Y, turns = self._before
         self.t, self._Y, self._turns, self._solver = start, Y.copy(), turns.copy(), None
         planned, self._h = self._h, t - start
+        pieces: list[tuple[float, Any]] = []
         while self.t < t:
             self.advance(t)
-        self._before, self.started, self._solver, self._h = (start, Y, turns), start, None, planned
+            pieces += self._pieces
+        self._pieces, self._before, self.started, self._solver, self._h = (
+            pieces,
+            (start, Y, turns),
+            start,
+            None,
+            planned,
+        )
 
     # ------------------------------------------------------------------------------------------------- projection
 
-    def _project(self) -> None:
-        """Project the state at t onto the joints, closed gaps and sticking rows, in the mass metric."""
-        y, inverse, n = self.y, self.equations.inverse, self._bodies
+    def _project(self, t: float, y: Array, turns: Array) -> None:
+        """Project a state onto the joints, closed gaps and sticking rows, in the mass metric; count turns."""
+        inverse, n = self.equations.inverse, self._bodies
         normalise(y, n)
         closed = np.flatnonzero(self.modes.closed)
         normals = np.array(self._layout.normals, dtype=np.int64)[closed]
         if len(self._ws.Q) or len(closed) or any(mode is not None for mode in self.modes.friction):
             for _ in range(4):
-                Q, value, _ = self.equations.joint_rows(self.t, y, self._turns)
+                Q, value, _ = self.equations.joint_rows(t, y, turns)
                 holonomic = len(value) - 2 * len(self._model.rolling) - len(self._model.skate)
-                rows = self.equations.move(self.t, y, self._turns)
+                rows = self.equations.move(t, y, turns)
                 left = np.concatenate([value[:holonomic], rows.gap[self._layout.gaps[closed]]])
                 if not len(left) or np.max(np.abs(left)) <= 2e-16 * max(1.0, self._model.length):
                     break
                 step = _least(inverse, np.vstack([Q[:holonomic], rows.J[normals]]), -left)[0]
                 _move(y, step.reshape(-1, 6))
-            self._project_velocity(y)
-        count_turns(self._model, y, self._ws, self._turns)
+            self._project_velocity(t, y, turns)
+        count_turns(self._model, y, self._ws, turns)
 
     def _held_rows(self) -> Array:
         """Return the rows of closed normals and of held friction at the last evaluated state."""
@@ -201,9 +241,9 @@ class Stepper:
                 held.append(mode.held @ J[list(one.rows)])
         return np.vstack(held)
 
-    def _project_velocity(self, y: Array) -> None:
-        Q, _, rate = self.equations.joint_rows(self.t, y, self._turns)
-        self.equations.move(self.t, y, self._turns)
+    def _project_velocity(self, t: float, y: Array, turns: Array) -> None:
+        Q, _, rate = self.equations.joint_rows(t, y, turns)
+        self.equations.move(t, y, turns)
         if len(Q):
             self.equations.rank[0] = _least(self.equations.inverse, Q, np.zeros(len(Q)))[1]
         held = self._held_rows()

@@ -1,0 +1,91 @@
+"""Headings of discs that slide, from step to step: they follow the slip, or are kept while it goes along a line.
+
+Slip across a heading decays at the rate ``mu N / |u|`` over an inertia: it is stiff, and stiffer the slower the slip.
+Along a line there is no such slip, and a heading that is kept asks for no short steps. What starts to slide starts
+along a line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+
+from consilience.mechanism import Array
+from consilience.reference.contact.equations import ContactEquations, direction
+from consilience.reference.contact.stepper import Stepper
+
+STILL = 1e-11
+"""Rates that count as zero, over the speeds of the mechanism."""
+
+STOPPED = 1e-9
+"""Slip across the heading with which a contact stops, over the same."""
+
+_STOPPING = 1e-12  # slip below which the heading of what stops is kept, over the same
+_STARTING = 1e-6  # slip up to which the heading of what starts is kept, over the same
+_STRAIGHT = 3e-11  # turn of a slip, rad, below which it is along a line
+
+
+class SlipHeadings:
+    """Headings of a motion; the slip below which each is kept is `ContactEquations.held`, infinite along a line."""
+
+    def __init__(self, equations: ContactEquations) -> None:
+        self._equations, self._friction = equations, equations.layout.friction
+
+    def begin(self, started: Collection[int], speed: float) -> None:
+        """Begin with modes in which some friction sets start to slide; `speed` is that of the mechanism, m/s."""
+        self._equations.held[:] = _STOPPING * speed
+        self._equations.held[list(started)] = np.inf
+
+    def _slips(self, stepper: Stepper) -> list[tuple[int, Array]]:
+        """Return the friction sets that slide in a plane on a disc, with their slips, shape (2,)."""
+        if not any(h is not None and len(h) == 2 for h in stepper.modes.heading):
+            return []
+        rows = self._equations.move(stepper.t, stepper.y, stepper.turns)
+        return [
+            (j, rows.u[list(one.rows)])
+            for j, (one, h) in enumerate(zip(self._friction, stepper.modes.heading, strict=True))
+            if h is not None and len(h) == 2 and one.facets == 0
+        ]
+
+    def turn(self, stepper: Stepper, speed: float) -> None:
+        """Let headings follow the slips at the end of the last step; those of a line are kept."""
+        heading, slips, held = list(stepper.modes.heading), self._slips(stepper), self._equations.held
+        for j, slip in slips:
+            size, h = float(np.linalg.norm(slip)), self._equations.heading(j)
+            heading[j] = h
+            if size > max(held[j], STILL * speed):
+                held[j] = np.inf if _across(slip, h) <= _STRAIGHT * size else _STOPPING * speed
+                heading[j] = direction(slip, h, float(held[j]))
+        if slips:
+            stepper.turn(tuple(heading))
+
+    def leave_line(self, stepper: Stepper, speed: float) -> bool:
+        """Return whether a slip has left its line in the last step, which is then to be repeated."""
+        held, left = self._equations.held, False
+        for j, slip in self._slips(stepper):
+            size = float(np.linalg.norm(slip))
+            if held[j] == np.inf and size > _STARTING * speed:
+                off = _across(slip, self._equations.heading(j)) > max(_STRAIGHT * size, STILL * speed)
+                held[j], left = _STOPPING * speed if off else np.inf, left or off
+        if left:
+            stepper.turn(stepper.modes.heading)
+        return left
+
+    def halted(self, stepper: Stepper, speed: float) -> int | None:
+        """Return a friction set that has slipped to a halt along a curve."""
+        slow = [
+            (j, slip)
+            for j, slip in self._slips(stepper)
+            if max(float(np.linalg.norm(slip)), self._equations.held[j]) < STOPPED * speed
+        ]
+        if not slow:
+            return None
+        response, force = stepper.respond(stepper.t, stepper.y), stepper.forces()
+        a = response.free + response.K @ (response.K.T @ force)
+        return next((j for j, slip in slow if float(slip @ a[list(self._friction[j].rows)]) < 0.0), None)
+
+
+def _across(slip: Array, heading: Array) -> float:
+    """Return the speed of a slip across a heading, shapes (2,)."""
+    return abs(float(heading[0] * slip[1] - heading[1] * slip[0]))

@@ -1,0 +1,27 @@
+"""Steps of motions with contact: as many as events and curvature ask for."""
+
+import numpy as np
+import pytest
+
+from consilience.case import load_cases
+from consilience.reference.contact import simulate_with_contacts
+
+
+@pytest.mark.parametrize("name", ["bowling-backspin", "bounces_that_slide"])
+def test_samples_lie_on_the_motion_and_cost_no_steps(name):
+    """A parabola and a line, infinitely many bounces: the same samples whether they are few or many."""
+    case = next(c for c in load_cases(name.partition("-")[0]) if c.name == name)
+    m, start, end = case.mechanism, case.initial_state, case.times[-1]
+    few, many = (simulate_with_contacts(m, start, np.linspace(0.0, end, n), 1e-12)[0] for n in (3, 301))
+    assert many.counters["steps"] == few.counters["steps"]
+    for part in ("p_WB", "v_WB_W", "w_WB_W", "contact_loss"):
+        assert getattr(many, part)[::150] == pytest.approx(getattr(few, part), abs=1e-10)
+    assert np.cumsum(many.contact_impulse, axis=0)[-1] == pytest.approx(np.sum(few.contact_impulse, axis=0), abs=1e-10)
+
+
+def test_what_starts_to_slide_along_a_line_asks_for_no_short_steps():
+    """Four feet and a push: slip from zero, across whose heading the equations are stiff without bound."""
+    (case,) = load_cases("pulled_boxes")
+    answer, events = simulate_with_contacts(case.mechanism, case.initial_state, case.times, 1e-12)
+    assert [event.kind for event in events] == ["slips", "slips"]
+    assert answer.counters["steps"] < 100
