@@ -57,6 +57,12 @@ campaign:
 report *arguments:
     {{ bin }}/consilience run --tag tour -o report {{ arguments }}
 
+# freeze the list of cases as it is, in cases/edition-NAME.toml
+edition name:
+    test ! -e cases/edition-{{ name }}.toml
+    {{ bin }}/python -c "import datetime, consilience.case.editions as e; print(e.edition_text('{{ name }}', datetime.date.today()), end='')" > build/edition.toml
+    mv build/edition.toml cases/edition-{{ name }}.toml
+
 # compile the kernels that the tests use
 kernels:
     {{ bin }}/python tests/kernels.py

@@ -15,6 +15,7 @@ from consilience.case.published import ACCELERATIONS, Published, read_motion, re
 
 if TYPE_CHECKING:
     from consilience.case.drawing import Drawing, frame
+    from consilience.case.editions import Edition, chosen_edition, editions
     from consilience.case.file.writer import save_case
     from consilience.case.library import case_files, case_names, cases_like, load_case, load_cases, shipped_cases
 
@@ -22,10 +23,13 @@ __all__ = [
     "ACCELERATIONS",
     "Case",
     "Drawing",
+    "Edition",
     "Published",
     "case_files",
     "case_names",
     "cases_like",
+    "chosen_edition",
+    "editions",
     "frame",
     "later_equations",
     "load_case",
@@ -39,8 +43,16 @@ __all__ = [
 ]
 
 
+_ELSEWHERE = {
+    "drawing": ("Drawing", "frame"),
+    "editions": ("Edition", "chosen_edition", "editions"),
+    "file.writer": ("save_case",),
+}
+"""Modules of the names that are not those of `library`."""
+
+
 def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module 'consilience.case' has no attribute '{name}'")
-    module = {"Drawing": "drawing", "frame": "drawing", "save_case": "file.writer"}.get(name, "library")
+    module = next((module for module, names in _ELSEWHERE.items() if name in names), "library")
     return getattr(import_module(f"consilience.case.{module}"), name)

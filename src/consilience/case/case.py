@@ -52,6 +52,8 @@ class Case:
         Folder of the library; empty for a file from elsewhere.
     call : str
         Name of the case on the command line if that is not `name`: a path, or a member of a family.
+    digest : str
+        Digest of what its file asks; empty for a case without a file.
     duration, sample : float, s
         Span of the trajectory and its uniform sampling interval.
     digits : int
@@ -78,6 +80,7 @@ class Case:
     published: tuple[Published, ...] = ()
     group: str = ""
     call: str = ""
+    digest: str = ""
 
     def __post_init__(self) -> None:
         size = self.duration / self.sample * len(self.mechanism.bodies)

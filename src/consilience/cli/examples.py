@@ -55,6 +55,10 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
         ("consilience bisect four_bar -e ENGINE@3.3..4.0", "the first bad release"),
         ("consilience bisect four_bar -e ENGINE@3.3..4.0 -q instant -o versions", "one question; reports are kept"),
     ),
+    "site": (
+        ("consilience site nightly -o site", "all reports of a folder"),
+        ("consilience site before after -o site --edition 2026", "two reports, scored over an edition"),
+    ),
     "export": (
         ("consilience export report -f junit -o junit.xml", "for CI"),
         ("consilience export report -f latex -o table.tex", "for a paper"),

@@ -46,6 +46,10 @@ LAZY_COMMANDS: dict[str, tuple[str, str]] = {
         "bisect.bisect",
         "Find the first version of an engine whose answers are worse than those of an earlier one.",
     ),
+    "site": (
+        "site.site",
+        "Write a static site of many reports: an address for every cell, its history, scores, badges.",
+    ),
     "export": ("export.export", "Write a run as JUnit XML, CSV, JSON, a LaTeX table, BibTeX or a badge."),
     "plot": ("export.plot", "Plot a motion on every engine, fit for a paper."),
     "import": ("import_model.import_", "Write a case file from a URDF or MJCF file."),

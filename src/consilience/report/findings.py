@@ -36,11 +36,20 @@ def known_findings() -> dict[str, tuple[KnownFinding, ...]]:
     return found
 
 
-def _text(name: str) -> str:
-    """Read a file of `reports/findings`, as installed or in the repository."""
+def _path(name: str) -> Path:
+    """Return the path of a file of `reports/findings`, as installed or in the repository."""
     packaged = Path(__file__).parents[1] / "findings" / name
-    path = packaged if packaged.is_file() else Path(__file__).parents[3] / "reports" / "findings" / name
-    return path.read_text(encoding="utf-8")
+    return packaged if packaged.is_file() else Path(__file__).parents[3] / "reports" / "findings" / name
+
+
+def _text(name: str) -> str:
+    return _path(name).read_text(encoding="utf-8")
+
+
+def finding_text(finding: str) -> str | None:
+    """Return the text of a finding, in Markdown; None for a name that is none."""
+    path = _path(f"{finding}/README.md")
+    return path.read_text(encoding="utf-8") if re.fullmatch(r"\w+", finding) and path.is_file() else None
 
 
 @dataclass(frozen=True)

@@ -100,6 +100,9 @@ class CaseLine(_RecordModel):
     call: NameField | None = None
     """Argument of `consilience run` for the case; absent in earlier records."""
 
+    digest: NameField | None = None
+    """Digest of what the file of the case asks; None without a file, and in earlier records."""
+
     title: TextField
     bodies: list[NameField]
     joints: list[Annotated[list[NameField], Field(min_length=4, max_length=4)]]

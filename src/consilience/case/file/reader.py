@@ -7,6 +7,7 @@ The mechanism is drawn in the world in an assembled pose. A joint is one frame o
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ import numpy as np
 
 from consilience.case.bounded_reading import bounded_text, toml_tables
 from consilience.case.case import Case
+from consilience.case.file.digest import case_digest
 from consilience.case.file.elements import drawn, elements
 from consilience.case.file.problems import checked_table, gathered, located
 from consilience.case.file.schema import (
@@ -80,9 +82,10 @@ def cases_from_tables(name: str, file: str, raw: Mapping[str, Any], text: str = 
     problems: list[InvalidInput] = []
     table = checked_table(raw, problems)
     cases = [] if table is None else _cases(name, file, table, _names(raw), problems)
-    if problems:
+    if problems or table is None:
         raise located(file, problems, raw, text) from None
-    return cases
+    variants = table.variants or [""]
+    return [replace(case, digest=case_digest(raw, name)) for case, name in zip(cases, variants, strict=True)]
 
 
 def _names(raw: Mapping[str, Any]) -> set[str]:
