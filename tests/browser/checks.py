@@ -59,15 +59,15 @@ def drill_down(opened, view, told):
         )
         asked = [q for q in ("model", "instant", "trajectory") if any(a.question == q for a in cell.answers)]
         if found["layers"] != asked:
-            yield f"{cell.label}: layers {found['layers']}, not {asked}"
+            yield f"{cell.anchor}: layers {found['layers']}, not {asked}"
         if asked and not found["open"]:
-            yield f"{cell.label}: no layer is open"
+            yield f"{cell.anchor}: no layer is open"
         if found["command"] != cell.command:
-            yield f"{cell.label}: another command"
+            yield f"{cell.anchor}: another command"
         if found["manifest"] != len(cell.exact) + len(cell.approximated):
-            yield f"{cell.label}: another manifest"
+            yield f"{cell.anchor}: another manifest"
         if found["answers"] != len(cell.answers):
-            yield f"{cell.label}: not every answer"
+            yield f"{cell.anchor}: not every answer"
         layers, settings, gauges = layers + len(asked), settings + found["settings"], gauges + found["gauges"]
     told(f"{len(view.cells)} cells, {layers} layers, {gauges} scales with bars, settings of {settings} answers")
 

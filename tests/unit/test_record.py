@@ -1,5 +1,6 @@
 """The record: causes, best methods, cells, failures and findings, and records of the earlier format."""
 
+import gzip
 import json
 import re
 from pathlib import Path
@@ -14,10 +15,13 @@ from consilience.engine.failures import FailureClass, failure_class
 from consilience.engine.questions import defects
 from consilience.errors import InvalidInput
 from consilience.report.findings import known_findings, signs
-from consilience.report.record import read_record
+from consilience.report.history.changes import changes
+from consilience.report.pages import write_pages
+from consilience.report.record import read_question, read_record
 from consilience.report.recordschema import record_schema
 from records import comparison, quantity, record_of
 
+OLD = Path(__file__).parents[1] / "old_records"
 FINDINGS = Path(__file__).parents[2] / "reports" / "findings"
 
 
@@ -135,6 +139,37 @@ def test_a_record_of_the_earlier_format_is_annotated_when_it_is_read(two_integra
     assert [run["failure"] for run in old.runs] == [None] * 4 + ["time", None]
 
 
+@pytest.fixture
+def earlier(tmp_path):
+    """Return the folders of records that versions of formats 1 and 2 wrote, of one case and one engine."""
+    folders = [tmp_path / f"format_{form}" for form in (1, 2)]
+    for folder in folders:
+        folder.mkdir()
+        packed = (OLD / f"{folder.name}.jsonl.gz").read_bytes()
+        (folder / "report.jsonl").write_bytes(gzip.decompress(packed))
+    return folders
+
+
+def test_records_that_earlier_versions_wrote_open_render_and_are_compared(earlier):
+    records = [read_record(folder) for folder in earlier]
+    assert [record.header["format"] for record in records] == [1, 2]
+    for folder, record in zip(earlier, records, strict=True):
+        (cell,) = [line for line in record.cells if line["engine"] == "mujoco"]
+        # the verdicts that stand in the file
+        assert [cell[name] for name in ("verdict", "model", "method")] == ["agrees", "agrees", "RK4"]
+        assert cell["digits"] == pytest.approx(11.2, abs=0.05)
+        assert read_question(folder)["cases"] == {"double_pendulum"}
+        write_pages(folder)
+        for name in ("report.html", "report.md"):
+            assert "1 of 1 cell agrees at model and instant" in (folder / name).read_text(encoding="utf-8")
+    assert all(c["profile"] == "matched" for c in records[0].comparisons)
+    found = changes(*records)
+    # version 2 also asked at defaults, and the reference by a further integrator; all else agreed as before
+    added = [c.where.rpartition(", trajectory, ")[2] for c in found if c.kind == "answer"]
+    assert added == ["Euler, defaults", "null_space, Radau IIA"]
+    assert not [c for c in found if c.effect]
+
+
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
@@ -163,5 +198,5 @@ def test_every_line_follows_the_published_schema(two_integrators, tmp_path):
 
 
 def test_a_format_from_the_future_is_refused(two_integrators, tmp_path):
-    with pytest.raises(InvalidInput, match="not of format 2 or 3"):
+    with pytest.raises(InvalidInput, match="not of format 1 or 2 or 3"):
         read_record(written(two_integrators, tmp_path / "future", form=4))

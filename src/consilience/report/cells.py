@@ -102,11 +102,6 @@ class Cell:
         """Whether an answer with matched settings would have passed with an error of 10 % in a parameter that acts."""
         return any(a.blind for a in self.matched)
 
-    @property
-    def label(self) -> str:
-        """Words of the cell for a screen reader."""
-        return f"{self.case}, {self.engine}: {self.look.name}"
-
 
 def cell_view(record: Record, case: dict[str, Any], engine: str, reference: dict[str, Any] | None) -> Cell:
     """Make the view of a cell; `reference` is the answer of the reference to the question `model`."""

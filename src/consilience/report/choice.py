@@ -10,6 +10,7 @@ from typing import Any
 
 from consilience.compare.judge import REFERENCE
 from consilience.report.annotations import is_own
+from consilience.report.defaults import own_digits
 from consilience.report.engines import EngineView
 from consilience.report.figure import COLOURS, MARKERS, Figure, log_axis
 from consilience.report.record import Record
@@ -63,22 +64,21 @@ def choice_view(record: Record, engines: Sequence[EngineView]) -> Choice:
     return Choice(tuple(_rows(record)), tuple(missing))
 
 
-def best_motions(record: Record, engine: str, matched: bool) -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:
-    """List each case with the motion of an engine that has the most digits, at matched settings or at defaults."""
+def _motions(record: Record, engine: str, matched: bool) -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:
+    """List each case with the best motion of an engine, or the first at its defaults."""
     for case in record.cases:
-        own = [c for c in record.motions(case["name"]) if c["engine"] == engine and is_matched(c) is matched]
-        judged = [c for c in own if c["digits"] is not None]
-        if judged:
-            yield case, max(judged, key=lambda c: float(c["digits"]))
+        own = [c for c in record.motions(case["name"]) if c["engine"] == engine and c["digits"] is not None]
+        chosen = [c for c in own if (c["best"] if matched else not is_matched(c))]
+        yield from ((case, c) for c in chosen[:1])
 
 
 def _rows(record: Record) -> Iterator[ClassRow]:
     for engine in (name for name in record.header["engines"] if name != REFERENCE):
-        best, stock = (list(best_motions(record, engine, matched)) for matched in (True, False))
+        best, stock = (list(_motions(record, engine, matched)) for matched in (True, False))
         for name, _ in CLASSES:
             own = [(case, c) for case, c in best if class_of(case) == name]
             if own:
-                at_defaults = [c["digits"] for case, c in stock if class_of(case) == name]
+                at_defaults = [d for case, c in stock if class_of(case) == name and (d := own_digits(c)) is not None]
                 values = (
                     str(len(own)),
                     digits_text(median(c["digits"] for _, c in own)),
@@ -109,7 +109,7 @@ def choice_figure(record: Record) -> Figure:
         place = {"xref": "paper", "x": 0, "xanchor": "left", "yref": "paper", "y": top, "yanchor": "top"}
         layout["annotations"].append({"text": name, "showarrow": False, **place})
         for n, engine in enumerate(engines):
-            found = [(case, c) for case, c in best_motions(record, engine, True) if class_of(case) == name]
+            found = [(case, c) for case, c in _motions(record, engine, True) if class_of(case) == name]
             if engine == REFERENCE or not found:
                 continue
             symbol = MARKERS[n % len(MARKERS)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from consilience.compare import Verdict
 from consilience.compare.judge import REFERENCE
@@ -59,9 +60,8 @@ def defaults_view(cells: Sequence[Cell], quick: bool) -> Defaults:
     return Defaults(tuple(_sentences(rows)), tuple(rows), empty, without)
 
 
-def own_digits(answer: AnswerView) -> float | None:
+def own_digits(comparison: dict[str, Any]) -> float | None:
     """Return the digits at an instant, or at the first level of a motion, which has the engine's own step."""
-    comparison = answer.lines.comparison
     if not comparison["levels"]:
         digits: float | None = comparison["digits"]
         return digits
@@ -77,7 +77,7 @@ def _row(cell: Cell, answer: AnswerView, n: int) -> DefaultRow:
         answer=answer,
         first=n == 0,
         count=len(cell.defaults),
-        digits=digits_text(own_digits(answer)),
+        digits=digits_text(own_digits(comparison)),
         step=step_text(levels[0]["step"], method) if levels else DASH,
         finest=digits_text(comparison["digits"]) if levels else DASH,
         finest_step=step_text(levels[-1]["step"], method) if levels else DASH,
@@ -91,7 +91,7 @@ def _sentences(rows: Sequence[DefaultRow]) -> Iterator[str]:
         within = sum(row.answer.look is LOOKS[Verdict.AGREES] for row in instants)
         yield f"Answers within the bars at given states: {within} of {len(instants)}."
     if motions:
-        answered = [(digits, row) for row in motions if (digits := own_digits(row.answer)) is not None]
+        answered = [(digits, row) for row in motions if (digits := own_digits(row.answer.lines.comparison)) is not None]
         enough = sum(digits >= row.answer.lines.case["digits"] for digits, row in answered)
         text = f"Motions with the digits asked at the engine's own step: {enough} of {len(motions)}"
         if answered:

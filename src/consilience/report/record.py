@@ -248,16 +248,17 @@ def read_question(folder: Path) -> dict[str, Any]:
         If the lines are not those of a report.
     """
     path = folder / "report.jsonl"
-    cases, header = set[str](), dict[str, Any]()
+    cases, header, form = set[str](), dict[str, Any](), FORMAT
     with path.open(encoding="utf-8", errors="replace") as handle:
         for line in handle:
             try:
-                raw = checked(from_json(line.encode()))
+                raw = checked(from_json(line.encode()), form)
             except ValueError as error:
                 raise InvalidInput(str(path), f"it is no report ({error})", "Run the suite again.") from None
             if raw["record"] not in ("header", "case"):
                 break
             header = header or raw
+            form = header.get("format", FORMAT)
             cases |= {raw["name"]} if raw["record"] == "case" else set()
     return {
         "cases": cases,
@@ -280,7 +281,7 @@ def read_record(folder: Path) -> Record:
     if not path.is_file():
         raise InvalidInput(str(path), "there is no such report", "Give a folder that `consilience run` wrote.")
     found: dict[str, list[dict[str, Any]]] = {k: [] for k in ("header", "case", "run", "comparison", "cell", "footer")}
-    again = "Run the suite again."
+    again, form = "Run the suite again.", FORMAT
     for number, line in enumerate(bounded_text(path, LARGEST_FILE).removesuffix("\n").split("\n"), start=1):
         where = f"{path}: line {number}"
         try:
@@ -289,12 +290,13 @@ def read_record(folder: Path) -> Record:
             if number == 1 and isinstance(raw, dict) and raw.get("format", FORMAT) not in READABLE:
                 known = " or ".join(map(str, READABLE))
                 raise InvalidInput(str(path), f"its header is not of format {known}", again)
-            record = checked(raw)
+            record = checked(raw, form)
         except ValueError as error:
             raise InvalidInput(where, f"it is not a record of a report ({error})", again) from None
         if (record["record"] == "header") != (number == 1) or found["footer"]:
             raise InvalidInput(where, "the header comes first, the footer last, and each once", again)
         found[record["record"]].append(record)
+        form = found["header"][0]["format"]
     footer = next(iter(found["footer"]), None)
     counted = {"cases": len(found["case"]), "runs": len(found["run"]), "comparisons": len(found["comparison"])}
     if footer is None or any(footer[k] != n for k, n in counted.items()):

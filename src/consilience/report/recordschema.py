@@ -21,8 +21,18 @@ from consilience.report.fields import NameField, StrictModel, first_problem
 FORMAT = 3
 """Format of a written record; a field with a new meaning, or without which pages lack something, makes another."""
 
-READABLE = (2, 3)
-"""Formats that are read: format 2 has no annotations and no cells, and is annotated when it is read."""
+READABLE = (1, 2, 3)
+"""Formats that are read: those before 3 have no annotations and no cells, and are annotated when they are read."""
+
+ABSENT_IN_1: dict[str, dict[str, Any]] = {
+    "case": {"undetermined": {}},
+    "method": {"profile": str(Profile.MATCHED), "softness": None},
+    "comparison": {
+        **{"profile": str(Profile.MATCHED), "rule": "", "horizon": None},
+        **{"softness": None, "observables": [], "growth": []},
+    },
+}
+"""Fields that lines of format 1 do not have, and what they mean there, by kind of line; `method` is that of a run."""
 
 LARGEST_MATRIX = 20_000
 """Largest product of cases and engines: no browser opens a page of more cells."""
@@ -320,14 +330,18 @@ def record_schema() -> dict[str, Any]:
     return about | _LINE.json_schema()
 
 
-def checked(line: object) -> dict[str, Any]:
-    """Check a line, and return it with Python floats for all numbers of the format.
+def checked(line: object, form: int = FORMAT) -> dict[str, Any]:
+    """Check a line of a record of a format, and return it with Python floats for all numbers of the format.
 
     Raises
     ------
     ValueError
         If the line violates the schema; the message names the field and the problem.
     """
+    if form == 1 and isinstance(line, dict):
+        line = ABSENT_IN_1.get(str(line.get("record")), {}) | line
+        if isinstance(line.get("method"), dict):
+            line["method"] = ABSENT_IN_1["method"] | line["method"]
     try:
         return _LINE.validate_python(line).model_dump()
     except ValidationError as error:
@@ -360,7 +374,7 @@ def contradictions(
     }
     if any(c["levels"] and key not in known for c, key in zip(comparisons, judged, strict=True)):
         yield "a motion was compared that no run holds"
-    if header["format"] > READABLE[0]:
+    if header["format"] == FORMAT:
         yield from _cell_contradictions(comparisons, cells)
 
 

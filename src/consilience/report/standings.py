@@ -123,7 +123,7 @@ def _median(values: list[float], text: Callable[[float], str], able: int, harnes
 def _defaults(record: Record, cells: Sequence[Cell], able: int) -> Entry:
     """Return the median of the digits at the engine's defaults."""
     moving = [[a for a in cell.defaults if Question(a.question).over_time] for cell in cells]
-    found = [[d for a in answers if (d := own_digits(a)) is not None][:1] for answers in moving]
+    found = [[d for a in answers if (d := own_digits(a.lines.comparison)) is not None][:1] for answers in moving]
     values = [digits for first in found for digits in first]
     if not values:
         return Entry("not asked" if record.header.get("quick") else DASH, -1.0)

@@ -66,6 +66,8 @@ class Tile:
         None where there is no motion, or where marks take its place.
     digits : str
         Digits of the best motion; empty where there is none.
+    findings : tuple of str
+        Known findings that show in the cell.
     own : bool
         Whether its integrator is the engine's own.
     keys : tuple of str
@@ -81,6 +83,7 @@ class Tile:
     marks: tuple[Mark, ...]
     bar: Bar | None
     digits: str
+    findings: tuple[str, ...]
     own: bool
     keys: tuple[str, ...]
     label: str
@@ -124,13 +127,15 @@ def _tile(cell: Cell, line: dict[str, Any], questions: Sequence[str]) -> Tile:
     words = [cell.case, cell.engine, *(f"{m.look.name}: {m.text}" for m in marks if m.text)]
     words += [] if marks else [cell.look.name]
     words += [f"{digits_text(digits)} digits"] if digits is not None else []
-    asked = line.get("digits_asked") or 0.0
+    asked, findings = line.get("digits_asked") or 0.0, tuple(line.get("findings", ()))
+    words += [f"known finding {name}" for name in findings]
     return Tile(
         cell=cell,
         tint=tint,
         marks=marks,
         bar=_bar(cell, line) if digits is not None and not marks else None,
         digits="" if digits is None else digits_text(digits),
+        findings=findings,
         own=bool(line.get("own")),
         keys=tuple(looks[q].key if q in looks else "empty" for q in questions),
         label=", ".join(words),
@@ -166,7 +171,7 @@ def _marks(by_question: dict[str, list[AnswerView]]) -> Iterator[Mark]:
 
 
 def _bar(cell: Cell, line: dict[str, Any]) -> Bar:
-    defaults = [own_digits(a) for a in cell.defaults if Question(a.question).over_time]
+    defaults = [own_digits(a.lines.comparison) for a in cell.defaults if Question(a.question).over_time]
     at_defaults = next((d for d in defaults if d is not None), None)
 
     def at(digits: float) -> float:
