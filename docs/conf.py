@@ -1,4 +1,4 @@
-"""The documentation site: Sphinx, MyST Markdown, Furo. `python -m sphinx -W -j auto docs build/site` builds it."""
+"""The site: Sphinx, MyST Markdown and notebooks, Furo. `python -m sphinx -W -j auto docs build/site` builds it."""
 
 import re
 import sys
@@ -13,7 +13,7 @@ import site_pages
 project = "Consilience"
 author = "The Consilience authors"
 copyright = "The Consilience authors; MIT licence"
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "sphinx.ext.napoleon"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "sphinx.ext.napoleon"]
 exclude_patterns = ["build", "generated/_*", "example_engine"]
 html_theme = "furo"
 html_title = "Consilience"
@@ -25,6 +25,11 @@ html_copy_source = False
 nitpicky = False
 myst_enable_extensions = ["attrs_inline", "colon_fence", "dollarmath"]
 myst_heading_anchors = 3
+nb_execution_mode = "cache"  # notebooks hold no outputs, and run once for each state of theirs
+nb_execution_in_temp = True
+nb_execution_raise_on_error = True
+nb_execution_timeout = 600
+nb_output_stderr = "remove"  # progress
 suppress_warnings = ["ref.python"]  # a name may be offered by its package and by its module
 napoleon_google_docstring = False
 napoleon_use_ivar = True

@@ -53,7 +53,11 @@ if TYPE_CHECKING:  # the names once more for type checkers, which do not see tho
     from consilience.mechanism import ball as ball
     from consilience.mechanism import bar as bar
     from consilience.mechanism import block as block
+    from consilience.mechanism import constant as constant
+    from consilience.mechanism import linear as linear
     from consilience.mechanism import random_states as random_states
+    from consilience.mechanism import sine as sine
+    from consilience.mechanism import through as through
     from consilience.reference import accelerations as accelerations
     from consilience.reference import initial_state as initial_state
     from consilience.reference.formulations.body_velocities import AppliedForces
@@ -67,7 +71,7 @@ _NAMES = {
     "engine": "Question Route load_engine",
     "errors": "CannotAssemble ConsilienceError InvalidInput NumericalFailure",
     "mechanism": "Body Control Coupling Drive Frame Friction Function Initial Joint JointSpring Load Mechanism "
-    "Rolling Skate Solid Spring State ball bar block random_states",
+    "Rolling Skate Solid Spring State ball bar block constant linear random_states sine through",
     "reference": "accelerations initial_state",
     "report.agreement": "Agreement",
     "report.simulation": "Simulation",

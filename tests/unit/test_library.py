@@ -123,6 +123,30 @@ def test_a_drawn_mechanism_is_the_one_that_its_file_says(tmp_path):
     assert angle["angle"] == pytest.approx(0.3, abs=1e-13)
 
 
+def test_a_drawn_drive_is_the_function_or_its_table():
+    motions = (cs.sine(0.5, 4.0), {"harmonics": [[0.5, 4.0, 0.0]]})
+    driven = []
+    for motion in motions:
+        draw = double_pendulum()
+        draw.add("drive", "motor", joint="shoulder", coordinate="angle", motion=motion)
+        driven.append(draw.mechanism().drives[0].motion.at(0.3))
+    expected = (0.5 * np.sin(1.2), 2.0 * np.cos(1.2), -8.0 * np.sin(1.2))
+    assert [np.ravel(found) for found in driven] == [pytest.approx(expected, abs=1e-14)] * 2
+
+
+def test_a_joint_is_drawn_at_a_place_or_by_its_frames(tmp_path):
+    """Frames that are apart in the drawing are those of `Joint`, and keep all digits in a file."""
+    F, M = (cs.Frame(RNG.normal(size=3), rotation(RNG)) for _ in range(2))
+    draw = cs.Drawing("apart", gravity=(0, 0, -9.81))
+    draw.body("b", cs.block((0.1, 0.2, 0.3)), mass=2.0, at=cs.frame((0.1, 0, 0), rotation(RNG)))
+    draw.joint("j", "revolute", "ground", "b", F=F, M=M)
+    mechanism = draw.mechanism()
+    for made in (mechanism, cs.load_case(mechanism.save(tmp_path / "apart.toml")).mechanism):
+        for frame, given in ((made.joints[0].F, F), (made.joints[0].M, M)):
+            assert np.array_equal(frame.p, given.p)
+            assert np.array_equal(frame.R, given.R)
+
+
 def test_inertia_by_three_numbers_six_or_the_tensor_is_the_same():
     tensors = []
     for given in ([0.2, 0.3, 0.4], [0.2, 0.3, 0.4, 0.0, 0.0, 0.0], np.diag([0.2, 0.3, 0.4])):
@@ -256,6 +280,7 @@ def test_motions_mechanisms_and_results_show_themselves(motion, tmp_path):
     drawings = [shown._repr_html_() for shown in (found, case, case.mechanism, double_pendulum())]
     assert all("<svg" in drawn for drawn in drawings)
     assert drawings[2] == drawings[3] != drawings[1]  # in the drawing; at the start
+    assert found.plot()._repr_png_().startswith(b"\x89PNG")  # shown without pyplot, too
     assert found.plot().axes[0].get_ylabel() == "shoulder: angle [rad]"
     assert len(found.plot().axes) == 3
     page = found.animate()

@@ -11,11 +11,13 @@ from numpy.typing import ArrayLike
 from consilience.case.case import Case
 from consilience.case.file.reader import cases_from_tables
 from consilience.case.file.schema import CaseTable
+from consilience.case.file.writer import function_table
 from consilience.errors import InvalidInput
 from consilience.mechanism import (
     JOINT_KINDS,
     Array,
     Frame,
+    Function,
     Mechanism,
     check_inertia,
     inertia_tensor,
@@ -136,7 +138,9 @@ class Drawing:
         table = {"name": name, "mass": mass, "com": _plain(com), "at": pose.p.tolist(), **_orientation(pose.R)}
         self._add("body", {**table, "inertia": _inertia(inertia, f"{where}: inertia")})
 
-    def joint(self, name: str, kind: str, predecessor: str, successor: str, at: ArrayLike, **fields: Any) -> None:
+    def joint(
+        self, name: str, kind: str, predecessor: str, successor: str, at: ArrayLike | None = None, **fields: Any
+    ) -> None:
         """Draw a joint.
 
         Parameters
@@ -148,7 +152,8 @@ class Drawing:
         at : array_like, shape (3,), m
             Origin of the joint's frames in the drawing.
         **fields
-            ``axis``, ``second_axis``, ``to``, ``pitch`` as in a case file.
+            ``axis``, ``second_axis``, ``to``, ``pitch`` as in a case file; or, in place of all that is drawn, ``F`` and
+            ``M``, frames on the predecessor and on the successor in axes of these bodies.
 
         Raises
         ------
@@ -158,11 +163,13 @@ class Drawing:
         if kind not in JOINT_KINDS:
             known = ", ".join(JOINT_KINDS)
             raise InvalidInput(f"joint '{name}': kind", f"'{kind}' is not a joint kind", f"Use one of {known}.")
-        ends = {"predecessor": predecessor, "successor": successor}
-        self._add("joint", {"name": name, "kind": kind, **ends, "at": _plain(at), **_plain_fields(fields)})
+        table = {"name": name, "kind": kind, "predecessor": predecessor, "successor": successor}
+        self._add("joint", {**table, **({} if at is None else {"at": _plain(at)}), **_plain_fields(fields)})
 
     def add(self, element: str, name: str, **fields: Any) -> None:
         """Draw an element: a spring, drive, load, ... with the fields of that table of a case file.
+
+        A function of time is its table, or a `Function` (`consilience.constant`, `linear`, `sine`, `through`).
 
         Raises
         ------
@@ -240,7 +247,11 @@ class Drawing:
 
 
 def _plain(value: Any) -> Any:
-    """Return arrays and NumPy numbers as lists and numbers of Python."""
+    """Return arrays and NumPy numbers as lists and numbers of Python, functions and frames as tables."""
+    if isinstance(value, Function):
+        return function_table(value)
+    if isinstance(value, Frame):
+        return {"at": value.p.tolist(), "orientation": {"rows": value.R.tolist()}}
     return np.asarray(value).tolist() if isinstance(value, np.ndarray | np.generic | list | tuple) else value
 
 

@@ -200,7 +200,8 @@ def _drawn_joint(joint: Joint, mechanism: Mechanism) -> tuple[TomlTable, float]:
 # ---------------------------------------------------------------- elements
 
 
-def _function(function: Function) -> TomlTable:
+def function_table(function: Function) -> TomlTable:
+    """Return a function as a table of a case file."""
     table: TomlTable = {}
     if len(function.polynomial):
         table["polynomial"] = function.polynomial.tolist()
@@ -213,7 +214,7 @@ def _function(function: Function) -> TomlTable:
 
 
 def _given(name: str, function: Function | None) -> TomlTable:
-    return {} if function is None else {name: _function(function)}
+    return {} if function is None else {name: function_table(function)}
 
 
 def _load(load: Load, mechanism: Mechanism) -> TomlTable:

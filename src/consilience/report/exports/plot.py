@@ -111,11 +111,12 @@ def drawing_tools() -> tuple[Callable[..., AbstractContextManager[None]], type[F
     """
     try:
         from matplotlib import rc_context  # noqa: PLC0415 - an extra: only a plot needs it
-        from matplotlib.figure import Figure as Drawn  # noqa: PLC0415
+
+        from consilience.report.exports.notebookfigure import NotebookFigure  # noqa: PLC0415
     except ImportError:
         remedy = "Install the extra: pip install 'consilience[plot]'."
         raise InvalidInput("Matplotlib", "it is not installed, and draws the plots", remedy) from None
-    return rc_context, Drawn
+    return rc_context, NotebookFigure
 
 
 def plotted(record: Record, case: str, what: str, form: str) -> bytes:
