@@ -1,14 +1,12 @@
 """The command line: exit codes, clear messages, no file overwritten; runs and signals in real processes."""
 
 import csv
-import io
 import json
 import signal
 import subprocess
 import sys
 import time
 import xml.etree.ElementTree as ET
-from contextlib import redirect_stderr, redirect_stdout
 from importlib.metadata import version
 from pathlib import Path
 from types import SimpleNamespace as Namespace
@@ -17,52 +15,12 @@ import numpy as np
 import psutil
 import pytest
 
+from commandline import GOOD, called
 from consilience.case import case_names
-from consilience.cli import terminal
-from consilience.cli.main import LAZY_COMMANDS, command_of, main
+from consilience.cli.main import LAZY_COMMANDS, command_of
 from consilience.compare import markdown_table
 from consilience.errors import InvalidInput
 from consilience.report.columns import tables_as_columns
-
-GOOD = """
-title = "Pendulum"
-sources = ["closed form"]
-gravity = [0.0, 0.0, -9.81]
-[trajectory]
-duration = 0.2
-[instant]
-states = 3
-[[body]]
-name = "bob"
-mass = 2.0
-inertia = { xx = 0.11, yy = 0.12, zz = 0.02 }
-at = [0.0, 0.0, 0.0]
-com = [0.0, 0.0, -0.4]
-[[joint]]
-name = "pin"
-kind = "revolute"
-predecessor = "ground"
-successor = "bob"
-at = [0.0, 0.0, 0.0]
-axis = [0.0, 1.0, 0.0]
-[initial.joints.pin]
-angle = 0.5
-"""
-
-
-def called(*arguments, cwd, columns=200):
-    """Call the program in this process: one of its own would spend nearly all its time on imports."""
-    told, complaints = io.StringIO(), io.StringIO()
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(cwd)
-        patch.setattr(sys, "argv", ["consilience", *arguments])
-        patch.setenv("COLUMNS", str(columns))
-        patch.setenv("NO_COLOR", "1")
-        for console in (terminal.out, terminal.err):
-            patch.setattr(console, "width", columns)
-        with redirect_stdout(told), redirect_stderr(complaints), pytest.raises(SystemExit) as ended:
-            main()
-    return Namespace(returncode=ended.value.code or 0, stdout=told.getvalue(), stderr=complaints.getvalue())
 
 
 @pytest.fixture(scope="module")

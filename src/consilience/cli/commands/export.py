@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from consilience.cli.options import Form, OutputFormat, require_ending, writing
-from consilience.cli.terminal import state
+from consilience.cli.terminal import say, state
 from consilience.errors import InvalidInput, nearest
 from consilience.report.curves import CurveSet
 from consilience.report.exports.motionplot import motion_plot, one_kind
@@ -82,6 +82,7 @@ def export(
     else:
         with writing(output):
             write_atomically(output, text)
+        say(f"{'schema' if schema else form}: {output}")
 
 
 def plot(
