@@ -47,14 +47,7 @@ def test_origins_give_the_values_within_their_uncertainty(name):
             assert known.off(float(value)) <= known.uncertainty, (n, known.name, known.value, float(value))
 
 
-PENDING = {
-    **dict.fromkeys(("ball_on_spring",), "compliance"),
-    **dict.fromkeys(("bead_on_turning_rod-outward", "bead_on_turning_rod-inward"), "dry friction of a reaction"),
-}
-"""Cases that the reference does not solve yet, with what they need."""
-
-
-@pytest.mark.parametrize("name", [name for name in CASES if name not in PENDING])
+@pytest.mark.parametrize("name", CASES)
 def test_the_reference_meets_the_values(name):
     case = CASES[name]
     mechanism, start, engine = case.mechanism, case.initial_state, load_engine("reference")

@@ -306,6 +306,7 @@ def test_a_start_that_overlaps_or_is_beyond_a_stop_is_refused():
     refuse_overlap(mechanism(contacts=(flat,), stops=(Stop("s", "slide", "distance", 0.0),)), together)
     with pytest.raises(InvalidInput, match=r"contact 'box': a and ground overlap by 0\.05 m at the start"):
         refuse_overlap(mechanism(contacts=(replace(flat, point=-0.05 * Z),)), together)
+    refuse_overlap(mechanism(contacts=(replace(flat, point=-0.05 * Z, compliance=Compliance(1e4)),)), together)
     with pytest.raises(InvalidInput, match=r"stop 's': angle 0 of 'slide' is beyond the limit 0\.2"):
         refuse_overlap(mechanism(stops=(Stop("s", "slide", "angle", lower=0.2),)), together)
     table = case_table(Case.of(mechanism(contacts=(replace(flat, point=-0.05 * Z),))))

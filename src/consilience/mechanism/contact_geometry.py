@@ -138,7 +138,7 @@ TOUCHING = 1e-10
 
 
 def refuse_overlap(mechanism: Mechanism, state: State) -> None:
-    """Refuse a state in which shapes overlap, or a joint is beyond a stop.
+    """Refuse a state in which rigid shapes overlap, or a joint is beyond a stop.
 
     Raises
     ------
@@ -147,7 +147,7 @@ def refuse_overlap(mechanism: Mechanism, state: State) -> None:
     slack = TOUCHING * characteristic_length(mechanism)
     for contact in mechanism.contacts:
         gap = contact_gap(mechanism, state, contact)
-        if gap < -slack:
+        if gap < -slack and contact.compliance is None:
             what = f"{contact.body} and {contact.partner} overlap by {-gap:.3g} m at the start"
             raise InvalidInput(f"contact '{contact.name}'", what, "Start with a gap of zero or more.")
     for stop in mechanism.stops:

@@ -10,6 +10,9 @@ with the rows J of `layout` and the forces p on them. With ``M = L L^T`` and P t
 a_0 the accelerations without p. In known modes ``p = constant + S x`` and ``E u' = 0`` (see `problem`) give p, and
 ``a = a_0 + L^-T K^T p``. Joint rows that depend on one another are harmless: P comes from singular values.
 `derivative` has the same compiled, for known modes.
+
+A compliant contact that is pressed has the force ``N = k (-g) + c (-g')``, given by the state. Bounds of friction that
+are reactions of joints follow from the forces of all rows (`joint_friction`).
 """
 
 from __future__ import annotations
@@ -18,41 +21,27 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from consilience.errors import NumericalFailure
 from consilience.mechanism import RANK_TOLERANCE, Array
 from consilience.reference.bodies import constraints, forces
 from consilience.reference.bodies.arrays import workspace
 from consilience.reference.bodies.motion import rotations
 from consilience.reference.contact.derivative import ActiveModes, ContactSystem, accelerations, rates
+from consilience.reference.contact.joint_friction import (
+    LOCKED,
+    JointReaction,
+    agreeing_offsets,
+    reacting_joints,
+    reaction_across,
+)
 from consilience.reference.contact.layout import RowLayout
 from consilience.reference.contact.pairs import RowMotion, move_rows, row_motion
-from consilience.reference.contact.problem import ContactProblem, FrictionMode, FrictionSet
+from consilience.reference.contact.problem import ContactProblem, FrictionSet
+from consilience.reference.contact.row_modes import RowModes, open_modes
 from consilience.reference.kernel.mechanism_record import record_of
 
-
-@dataclass(frozen=True, eq=False)
-class RowModes:
-    """Modes of all rows of a layout.
-
-    Attributes
-    ----------
-    closed : ndarray of bool, shape (n_n,)
-        Which normals are closed.
-    friction : tuple of FrictionMode or None, length n_f
-        None where the load of the friction is open.
-    heading : tuple of ndarray or None, length n_f
-        Direction of sliding, shape (d,): that of the force while the speed is zero. Of a disc the direction follows
-        the velocity.
-    """
-
-    closed: Array
-    friction: tuple[FrictionMode | None, ...]
-    heading: tuple[Array | None, ...]
-
-
-def open_modes(layout: RowLayout) -> RowModes:
-    """Return the modes in which nothing touches and no joint has friction."""
-    none = (None,) * len(layout.friction)
-    return RowModes(np.zeros(len(layout.normals), dtype=bool), none, none)
+_DETERMINED = 1e-9
+"""Part of a reaction, over the reaction, that dependent constraints may leave open."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,12 +56,18 @@ class Response:
     free : ndarray, shape (m,)
     load : ndarray, shape (6 n_b, m)
         ``L^-1 J^T``.
+    given : ndarray, shape (m,)
+        Forces on rows that the state gives; `free` contains their effect.
+    reactions : dict of int to JointReaction
+        Reactions that bound friction sets, linear in the forces of all rows.
     """
 
     z: Array
     K: Array
     free: Array
     load: Array
+    given: Array
+    reactions: dict[int, JointReaction]
 
 
 class ContactEquations:
@@ -89,15 +84,25 @@ class ContactEquations:
         Friction sets of the modes taken over.
     held : ndarray, shape (n_f,), m/s
         Slip of each friction set below which the direction of its force is the heading.
+    pressed : ndarray of bool, shape (n_s,)
+        Which compliant contacts carry a force.
+    offsets : ndarray, shape (n_f,)
+        Constant part of the bound of each friction set at the last state.
     """
 
     def __init__(self, layout: RowLayout) -> None:
         self.layout, self.model = layout, layout.model
         bodies = len(self.model.mass)
+        self._count = 13 * (bodies + (len(self.model.control) + 12) // 13)
         self._ws = workspace(self.model)
         self.rows: RowMotion = record_of(row_motion(len(layout.parts), len(layout.limits), len(layout.names), bodies))
         self.rank, self.held = np.array([len(self._ws.Q)]), np.zeros(len(layout.friction))
         self.acting: list[int] = []
+        self.pressed = np.zeros(len(layout.springs), dtype=bool)
+        self.offsets = np.array([one.offset for one in layout.friction])
+        self._laws = [layout.parts[k].compliance for k in layout.springs]
+        self._bounded = {3 * k: s for s, k in enumerate(layout.springs)}
+        self._reacting = reacting_joints(layout)
         self.activate(open_modes(layout))
         self.inverse = np.zeros((6 * bodies, 6 * bodies))  # L^-1
         for b in range(bodies):
@@ -131,7 +136,59 @@ class ContactEquations:
             z = z - self.U @ (self.U.T @ z) + self.U @ (self.pseudo.T @ ws.gamma)
             for _ in range(2):  # the second pass removes rounding errors along the joints
                 K = K - self.U @ (self.U.T @ K)
-        return Response(z, K.T, load.T @ z + rows.bias, load)
+        given = self._given()
+        reactions = {j: self._reaction(j, z, load) for j in self._reacting}
+        return Response(z, K.T, load.T @ z + rows.bias + K.T @ (K @ given), load, given, reactions)
+
+    def press(self, touching: float) -> None:
+        """Press the compliant contacts that the last state presses: with gaps below `touching`, m, and no pull."""
+        for s, (k, law) in enumerate(zip(self.layout.springs, self._laws, strict=True)):
+            gap, rate, least = self.rows.gap[k], self.rows.u[3 * k], law.stiffness * touching
+            force = -law.stiffness * gap - law.damping * rate
+            self.pressed[s] = gap <= touching and force >= (least if rate > 0.0 else -least)
+
+    def spring_force(self, s: int) -> float:
+        """Return the force of a compliant contact that is pressed, at the last state, N."""
+        k, law = self.layout.springs[s], self._laws[s]
+        return float(-law.stiffness * self.rows.gap[k] - law.damping * self.rows.u[3 * k])
+
+    def stored(self, pressed: Array) -> float:
+        """Return the energy in the springs of the compliant contacts that are pressed, at the last state, J."""
+        gaps = self.rows.gap[list(self.layout.springs)]
+        return float(
+            sum(0.5 * law.stiffness * g**2 for law, g, on in zip(self._laws, gaps, pressed, strict=True) if on)
+        )
+
+    def _given(self) -> Array:
+        """Return the forces of compliant contacts at the last state, shape (m,); they bound friction."""
+        given = np.zeros(len(self.layout.names))
+        for s in np.flatnonzero(self.pressed):
+            given[3 * self.layout.springs[s]] = self.spring_force(int(s))
+        for j, one in enumerate(self.layout.friction if self._bounded else ()):
+            if one.load in self._bounded:
+                self.offsets[j] = given[one.load]
+        return given
+
+    def _reaction(self, j: int, z: Array, load: Array) -> JointReaction:
+        """Return the reaction that bounds a friction set, at the state of U and `pseudo`, as of the forces of rows.
+
+        Raises
+        ------
+        NumericalFailure
+            Constraints that depend on one another leave it undetermined.
+        """
+        joint = self._reacting[j]
+        across = reaction_across(self.layout, joint, self._ws)
+        rows = slice(self.model.first_row[joint], self.model.first_row[joint + 1])
+        wide = np.zeros((3, len(self._ws.Q)))
+        wide[:, rows] = across
+        lost = wide - (wide @ self.pseudo) @ np.linalg.pinv(self.pseudo)
+        if np.max(np.abs(lost)) > _DETERMINED * np.max(np.abs(across)):
+            raise NumericalFailure(
+                f"{self.layout.friction[j].name}: constraints that depend on one another leave its reaction open"
+            )
+        of_left = wide @ self.pseudo @ self.U.T
+        return JointReaction(of_left @ (z - self.inverse @ self._ws.f), -of_left @ load)
 
     def accelerations_under(self, response: Response, p: Array) -> Array:
         """Return (dv/dt, dw'/dt) of all bodies, shape (6 n_b,), under forces p on the rows."""
@@ -173,7 +230,8 @@ class ContactEquations:
         """
         layout = self.layout
         normals = [n for n, touches in zip(layout.normals, touching, strict=True) if touches]
-        sets = [j for j, one in enumerate(layout.friction) if one.load is None or one.load in normals]
+        loads = {None, *normals, *(row for row, s in self._bounded.items() if self.pressed[s])}
+        sets = [j for j, one in enumerate(layout.friction) if one.load in loads]
         rows = np.array(sorted({*normals, *(r for j in sets for r in layout.friction[j].rows)}), dtype=np.int64)
         place = {int(row): k for k, row in enumerate(rows)}
         K = response.K[rows]
@@ -182,7 +240,7 @@ class ContactEquations:
             response.free[rows],
             tuple(layout.names[row] for row in rows),
             tuple(place[n] for n in normals),
-            tuple(_at(layout.friction[j], place) for j in sets),
+            tuple(_at(layout.friction[j], place, float(self.offsets[j]), normals) for j in sets),
             sliding[rows],
             np.linalg.norm(response.load[:, rows], axis=0),
         )
@@ -193,7 +251,8 @@ class ContactEquations:
         layout = self.layout
         normal = [n for n, closed in zip(layout.normals, modes.closed, strict=True) if closed]
         self.acting = [j for j, mode in enumerate(modes.friction) if mode is not None]
-        sets = len(self.acting)
+        springs = np.flatnonzero(modes.pressed)
+        sets = len(self.acting) + len(springs)
         active = ActiveModes(
             normal=np.array(normal, dtype=np.int64),
             row=np.full((sets, 2), -1),
@@ -215,12 +274,14 @@ class ContactEquations:
             d = len(one.rows)
             active.row[k, :d], active.drag[k, :d], active.holds[k] = one.rows, mode.drag, len(mode.held)
             active.held[k, : len(mode.held), :d] = mode.held
-            active.offset[k], active.load[k] = one.offset, -1 if one.load is None else normal.index(one.load)
+            active.offset[k], active.load[k] = self.offsets[j], normal.index(one.load) if one.load in normal else -1
             if heading is not None and one.is_disc:
                 active.pair[k] = self._pair_of(one)
                 active.disc[k], active.slow[k] = one.kinetic, self.held[j]
                 active.heading[k] = heading @ self.rows.frame[active.pair[k], 1:]
-        self._modes = active
+        for k, s in enumerate(springs, len(self.acting)):  # the force that a state gives, as one that slides
+            active.row[k, 0], active.drag[k, 0] = 3 * layout.springs[s], 1.0
+        self._modes, self._springs = active, springs
         self._system = record_of(
             ContactSystem(self.model, layout.pairs, layout.limits, self.rows, self._ws, record_of(active))
         )
@@ -249,14 +310,50 @@ class ContactEquations:
     def rates(self, t: float, Y: Array, turns: Array) -> Array:
         """Return the derivative of a state with impulses and loss, in the modes taken over (`derivative.rates`)."""
         dY = np.zeros_like(Y)
+        self._give(t, Y[: self._count].reshape(-1, 13), turns)
         rates(self._system, t, Y, turns, dY)
         return dY
 
-    def row_forces(self, t: float, y: Array, turns: Array) -> Array:
-        """Return the forces on all rows at a packed state, in the modes taken over, of least norm, shape (m,)."""
+    def _give(self, t: float, y: Array, turns: Array) -> None:
+        """Give the forces of compliant contacts and the bounds that are reactions, in the modes taken over."""
+        reacting = [j for j in self._reacting if j in self.acting]
+        if not len(self._springs) and not reacting:
+            return
+        self.move(t, y, turns)
+        self._given()
+        self._take_offsets()
+        if not reacting:
+            return
+        at = [self.acting.index(j) for j in reacting]
+        start, response = self.offsets[reacting], self.respond(t, y, turns)
+        base, slopes = self._forces(t, y, turns), []
+        for k in at:
+            self._modes.offset[k] += 1.0
+            slopes.append(self._forces(t, y, turns) - base)
+            self._modes.offset[k] -= 1.0
+        found = agreeing_offsets([response.reactions[j] for j in reacting], base, np.array(slopes).T, start)
+        if found is None:
+            names = ", ".join(self.layout.friction[j].name for j in reacting)
+            raise NumericalFailure(f"{names}, t = {t:.12g} s: {LOCKED}")
+        self.offsets[reacting] = found
+        self._take_offsets()
+
+    def _take_offsets(self) -> None:
+        """Take over the bounds of friction and the forces of compliant contacts at the last state."""
+        for k, j in enumerate(self.acting):
+            self._modes.offset[k] = self.offsets[j]
+        for k, s in enumerate(self._springs, len(self.acting)):
+            self._modes.offset[k] = self.spring_force(int(s))
+
+    def _forces(self, t: float, y: Array, turns: Array) -> Array:
         a, p = np.zeros(len(self.inverse)), np.zeros(len(self.layout.names))
         accelerations(self._system, t, y, turns, a, p)
         return p
+
+    def row_forces(self, t: float, y: Array, turns: Array) -> Array:
+        """Return the forces on all rows at a packed state, in the modes taken over, of least norm, shape (m,)."""
+        self._give(t, y, turns)
+        return self._forces(t, y, turns)
 
 
 def direction(slip: Array, heading: Array, held: float) -> Array:
@@ -270,8 +367,8 @@ def direction(slip: Array, heading: Array, held: float) -> Array:
     return np.asarray(slip / (speed if slip @ heading >= 0.0 else -speed))
 
 
-def _at(one: FrictionSet, place: dict[int, int]) -> FrictionSet:
-    """Return a friction set with rows renumbered."""
-    load = None if one.load is None else place[one.load]
+def _at(one: FrictionSet, place: dict[int, int], offset: float, normals: list[int]) -> FrictionSet:
+    """Return a friction set with rows renumbered, and the offset that it has; a load that the state gives is in it."""
+    load = place[one.load] if one.load in normals else None
     rows = tuple(place[r] for r in one.rows)
-    return FrictionSet(one.name, rows, one.kinetic, one.static, load, one.offset, one.facets, one.angle)
+    return FrictionSet(one.name, rows, one.kinetic, one.static, load, offset, one.facets, one.angle)

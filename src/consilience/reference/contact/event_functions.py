@@ -42,6 +42,8 @@ class EventFunctions:
         layout, modes = self._layout, found.modes
         scale = max(float(np.max(np.abs(found.force), initial=0.0)), _LEAST_FORCE * self._weight)
         watches = [Watch("gap", n, self._length) for n, closed in enumerate(modes.closed) if not closed]
+        for s, pressed in enumerate(modes.pressed):
+            watches.append(Watch("spring", s, scale) if pressed else Watch("touch", s, self._length))
         if found.undetermined:
             watches.append(Watch("group", -1, scale))
         else:
@@ -76,19 +78,30 @@ class EventFunctions:
                 values[w], rates[w] = rows.gap[layout.gaps[k]], rows.u[layout.normals[k]]
             elif watch.kind == "normal":
                 values[w] = p[layout.normals[k]]
+            elif watch.kind in ("touch", "spring"):
+                values[w], rates[w] = self._of_spring(watch.kind, k)
             elif watch.kind == "group":
                 values[w] = self._of_group(t, y, stepper, p, watch.scale)
             else:
                 values[w] = self._of_friction(watch.kind, k, stepper, p)
         return values, rates
 
+    def _of_spring(self, kind: str, s: int) -> tuple[float, float]:
+        """Return the force of a compliant contact, or its gap; where shapes overlap, by how much it would pull."""
+        part = self._layout.springs[s]
+        law, rows = self._layout.parts[part].compliance, self._equations.rows
+        gap, rate = float(rows.gap[part]), float(rows.u[3 * part])
+        if kind == "spring":
+            return self._equations.spring_force(s), np.nan if law.damping else -law.stiffness * rate
+        return (gap, rate) if gap > 0.0 else (gap + law.damping / law.stiffness * rate, np.nan)
+
     def _of_group(self, t: float, y: Array, stepper: Stepper, p: Array, scale: float) -> float:
         """Return the margin of forces that are undetermined: the widest, where those of least norm leave doubt."""
         layout, modes = self._layout, stepper.modes
         margins = [float(p[n]) for n, closed in zip(layout.normals, modes.closed, strict=True) if closed]
-        for one, mode in zip(layout.friction, modes.friction, strict=True):
+        for j, (one, mode) in enumerate(zip(layout.friction, modes.friction, strict=True)):
             if mode is not None and len(mode.held):
-                margins.append(friction_margin(one, mode, p))
+                margins.append(friction_margin(one, mode, p, float(self._equations.offsets[j])))
         if min(margins) > _CLEAR * scale:
             return min(margins)
         response = stepper.respond(t, y)
@@ -99,7 +112,7 @@ class EventFunctions:
         slip = self._equations.rows.u[list(one.rows)]
         assert mode is not None
         if kind == "margin":
-            return friction_margin(one, mode, p)
+            return friction_margin(one, mode, p, float(self._equations.offsets[j]))
         assert heading is not None
         if kind == "slip":
             return float(heading @ slip)

@@ -5,6 +5,9 @@ watch     function, positive while the mode lasts         event at its zero
 ========  ==============================================  =============================
 gap       gap of an open normal                           impact, or closes
 normal    force N of a closed normal                      opens
+touch     gap of a compliant contact; where shapes          is pressed
+          overlap, by how much it would pull
+spring    force of one that is pressed                    opens
 margin    ``mu_s N - |T|`` of what sticks                 slips
 group     the same where forces are undetermined: the     opens, or slips
           widest margin of all normals and sticking
@@ -67,7 +70,7 @@ def start_of_slip(one: FrictionSet, mode: FrictionMode | None, force: Array) -> 
     return -middles[int(np.argmax(middles @ T))]
 
 
-def friction_margin(one: FrictionSet, mode: FrictionMode, force: Array) -> float:
+def friction_margin(one: FrictionSet, mode: FrictionMode, force: Array, offset: float) -> float:
     """Return how far the force of a friction set with held directions is from its bound, N (N m).
 
     Parameters
@@ -77,9 +80,11 @@ def friction_margin(one: FrictionSet, mode: FrictionMode, force: Array) -> float
         Sticking, or sliding along a facet.
     force : ndarray, shape (m,)
         Of all rows.
+    offset : float
+        Constant part of the bound, where there is no load; the force of a load includes one that the state gives.
     """
     T, vertices = force[list(one.rows)], one.vertices
-    bound = one.offset + (0.0 if one.load is None else float(force[one.load]))
+    bound = offset if one.load is None else float(force[one.load])
     if mode.reach:
         return mode.reach * bound - abs(float(mode.held[0] @ T))
     if vertices is None or len(one.rows) == 1:

@@ -49,10 +49,11 @@ from consilience.errors import NumericalFailure
 from consilience.mechanism import Array, Contact, Mechanism, State, characteristic_length, kinetic_energy
 from consilience.reference.bodies.arrays import unpack
 from consilience.reference.bodies.canonical import joint_wrenches
-from consilience.reference.contact.equations import ContactEquations, Response, open_modes
+from consilience.reference.contact.equations import ContactEquations, Response
 from consilience.reference.contact.impulse import solve_impulse
 from consilience.reference.contact.layout import RowLayout, layout_of
 from consilience.reference.contact.pairs import RowMotion
+from consilience.reference.contact.row_modes import open_modes
 from consilience.reference.contact.stepper import Stepper
 
 AT_REST = 1e-10
@@ -177,7 +178,8 @@ def apply_impact(
     layout, rows = equations.layout, equations.rows
     normals = np.flatnonzero(taking)
     problem, at, _ = equations.problem(response, taking, rows.u)
-    poisson = any(layout.parts[k].impact_law == "poisson" for k in normals if k < len(layout.parts))
+    parts = [layout.part_of(int(k)) for k in normals]
+    poisson = any(k is not None and layout.parts[k].impact_law == "poisson" for k in parts)
     found = solve_impulse(
         replace(problem, free=rows.u[at]), restitution[normals], "poisson" if poisson else "newton", at_rest, stepper.t
     )
@@ -218,9 +220,10 @@ def _record(
     time : float, s
     """
     modes, after, p = solved
-    parts, mean = len(layout.parts), 0.5 * (rows.u + after)
-    frames = np.array([rows.frame[k] if k < parts else np.zeros((3, 3)) for k in normals]).reshape(-1, 3, 3)
-    at = np.array([[layout.normals[k] + i if k < parts else layout.normals[k] for i in range(3)] for k in normals])
+    parts, mean = [layout.part_of(int(k)) for k in normals], 0.5 * (rows.u + after)
+    frames = np.array([np.zeros((3, 3)) if k is None else rows.frame[k] for k in parts]).reshape(-1, 3, 3)
+    own = list(zip(normals, parts, strict=True))
+    at = np.array([[layout.normals[n] + (0 if k is None else i) for i in range(3)] for n, k in own])
     at = at.astype(np.int64).reshape(-1, 3)
     energies = [kinetic_energy(layout.smooth, state) for state in states]
     friction = [row for row in range(len(p)) if row not in layout.normals]

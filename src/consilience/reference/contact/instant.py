@@ -18,9 +18,10 @@ from consilience.mechanism import (
     require_states,
 )
 from consilience.reference.bodies.canonical import at_origins, joint_wrenches
-from consilience.reference.contact.equations import ContactEquations, Response, open_modes
+from consilience.reference.contact.equations import ContactEquations, Response
 from consilience.reference.contact.lasting import LastingContact, decide_lasting, require_unique, sliding_rates
 from consilience.reference.contact.layout import layout_of
+from consilience.reference.contact.row_modes import open_modes
 from consilience.reference.contact.stepper import Stepper
 
 CLOSED = 1e-10
@@ -64,6 +65,8 @@ def _at(equations: ContactEquations, mechanism: Mechanism, state: State, t: floa
     """Return a_WB_W, alpha_WB_W, joint reactions (n_j, 6) and contact forces (n_c, 3)."""
     layout = equations.layout
     stepper = Stepper(equations, state, t, 1e-12, open_modes(layout))
+    equations.move(t, stepper.y, stepper.turns)
+    equations.press(CLOSED * characteristic_length(mechanism))
     response = stepper.respond(t, stepper.y)
     found = _touching(equations, response, mechanism, state, t)
     a = equations.accelerations_under(response, found.force)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -11,8 +12,10 @@ from consilience.errors import NumericalFailure
 from consilience.mechanism import Array
 from consilience.reference.contact.cones import sticking_margin
 from consilience.reference.contact.decision import ModeDecision, decide
-from consilience.reference.contact.equations import ContactEquations, Response, RowModes, open_modes
+from consilience.reference.contact.equations import ContactEquations, Response
+from consilience.reference.contact.joint_friction import decide_with_reactions
 from consilience.reference.contact.problem import ContactProblem, FrictionMode, Modes
+from consilience.reference.contact.row_modes import RowModes, open_modes
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,20 +74,26 @@ def decide_lasting(
     normals = np.flatnonzero(touching)
     place, at = {int(j): k for k, j in enumerate(sets)}, {int(n): k for k, n in enumerate(normals)}
     if not len(rows):
-        modes = open_modes(equations.layout)
-        zero = np.zeros(len(response.free))
-        return LastingContact(modes, zero, response.free, None, False)
-    decision = decide(
-        problem,
-        None if previous is None else _restricted(problem, previous, normals, sets),
-        frozenset(at[n] for n in opened if n in at),
-        {place[j]: heading for j, heading in (started or {}).items() if j in place},
+        modes = replace(open_modes(equations.layout), pressed=equations.pressed.copy())
+        return LastingContact(modes, response.given, response.free, None, False)
+    decided = partial(
+        decide,
+        previous=None if previous is None else _restricted(problem, previous, normals, sets),
+        opened=frozenset(at[n] for n in opened if n in at),
+        started={place[j]: heading for j, heading in (started or {}).items() if j in place},
     )
+    reactions = {place[j]: one.on(rows, response.given) for j, one in response.reactions.items()}
+    if reactions:
+        problem, decision = decide_with_reactions(problem, reactions, decided)
+        equations.offsets[sets] = [one.offset for one in problem.friction]
+    else:
+        decision = decided(problem)
     force = np.zeros(len(response.free))
     force[rows] = decision.force
     acceleration = response.free + response.K @ (response.K.T @ force)
     modes = _extended(equations, decision.modes, normals, sets, sliding)
-    return LastingContact(modes, force, acceleration, decision, bool(decision.undetermined.shape[1]))
+    found = bool(decision.undetermined.shape[1])
+    return LastingContact(modes, force + response.given, acceleration, decision, found)
 
 
 def _restricted(problem: ContactProblem, modes: RowModes, normals: Array, sets: Array) -> Modes:
@@ -107,7 +116,7 @@ def _extended(equations: ContactEquations, modes: Modes, normals: Array, sets: A
     heading: list[Array | None] = [None] * len(layout.friction)
     for k, j in enumerate(sets):
         one, mode = layout.friction[j], modes.friction[k]
-        if one.load is not None and not closed[layout.normals.index(one.load)]:
+        if one.load in layout.normals and not closed[layout.normals.index(one.load)]:
             continue
         friction[j] = mode
         if len(mode.held) < len(one.rows):
@@ -115,7 +124,7 @@ def _extended(equations: ContactEquations, modes: Modes, normals: Array, sets: A
             along = slip if np.any(slip) else -mode.drag
             size = float(np.linalg.norm(along))
             heading[j] = along / size if size > 0.0 else np.eye(len(one.rows))[0]
-    return RowModes(closed, tuple(friction), tuple(heading))
+    return RowModes(closed, equations.pressed.copy(), tuple(friction), tuple(heading))
 
 
 def require_unique(found: LastingContact, time: float) -> LastingContact:
@@ -171,7 +180,7 @@ def widest_margin(
     of_normal[normals], of_friction[sets] = margin.of_normal, margin.of_friction
     force = np.zeros(len(response.free))
     force[rows] = margin.force
-    return margin.value, of_normal, of_friction, force
+    return margin.value, of_normal, of_friction, force + response.given
 
 
 def sliding_rates(equations: ContactEquations, modes: RowModes | None, least: float) -> Array:

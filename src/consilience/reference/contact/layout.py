@@ -1,8 +1,9 @@
 """Rows of the contacts, stops and dry frictions of a mechanism, with their laws.
 
 The order of rows: n, t1, t2 of each elementary contact; three of relative rotation for each with friction moments; then
-joint coordinates, the sides of stops first, dry frictions last. *Normals* cannot be penetrated: contacts and sides of
-stops. *Sites* are what the mechanism declares: contacts, then stops, then dry frictions.
+joint coordinates, the sides of stops first, dry frictions last. *Normals* cannot be penetrated: rigid contacts and
+sides of stops. *Springs* are the normals of compliant contacts: the state gives their forces. *Sites* are what the
+mechanism declares: contacts, then stops, then dry frictions.
 """
 
 from __future__ import annotations
@@ -13,16 +14,12 @@ from typing import Any
 import numpy as np
 
 from consilience.errors import InvalidInput
-from consilience.mechanism import Array, JointSpring, Mechanism, contact_parts
+from consilience.mechanism import Array, DryFriction, JointSpring, Mechanism, contact_parts
 from consilience.reference.bodies.arrays import ANGLE, DISTANCE, Model, flatten
 from consilience.reference.contact.pairs import LIMIT, pairs_of
 from consilience.reference.contact.problem import FrictionSet
 
-NOT_COVERED = {
-    "compliant contact": "shapes are rigid here: a compliant contact is a force law, not a constraint",
-    "associated cone": "sliding that lifts is a law of steps and impacts, not of accelerations",
-    "dry friction of a reaction": "friction of a joint has a constant bound here",
-}
+NOT_COVERED = {"associated cone": "sliding that lifts is a law of steps and impacts, not of accelerations"}
 """Features of contact and dry friction, as in `Mechanism.features`, without equations of lasting contact, and why."""
 
 
@@ -45,11 +42,14 @@ class RowLayout:
     site : ndarray of int, shape (m,)
         Of the rows.
     normals : tuple of int, length n_n
-        Rows that cannot be penetrated: those of the parts, then of the sides of stops.
+        Rows that cannot be penetrated: those of the rigid parts, then of the sides of stops.
+    springs : tuple of int, length n_s
+        Compliant parts.
     gaps : ndarray of int, shape (n_n,)
         Index of each normal in `RowMotion.gap`.
     restitution : ndarray, shape (n_n,)
     friction : tuple of FrictionSet
+        The load of a compliant contact is its normal row. Bounds that are reactions of joints have the offset 0.
     dry : tuple of DryFriction or None, length of `friction`
         Dry friction of each set; None for one of a contact.
     """
@@ -63,10 +63,16 @@ class RowLayout:
     names: tuple[str, ...]
     site: Array
     normals: tuple[int, ...]
+    springs: tuple[int, ...]
     gaps: Array
     restitution: Array
     friction: tuple[FrictionSet, ...]
     dry: tuple[Any, ...]
+
+    def part_of(self, normal: int) -> int | None:
+        """Return the part of a normal (index into `normals`); None for a side of a stop."""
+        row = int(self.normals[normal])
+        return row // 3 if row < 3 * len(self.parts) else None
 
     @property
     def sites(self) -> tuple[str, ...]:
@@ -125,6 +131,12 @@ def _of_contact(part: Any, k: int, turning: int) -> list[FrictionSet]:
     return found
 
 
+def _coefficients(dry: DryFriction) -> tuple[float, float]:
+    """Return the coefficients of a dry friction: of a reaction its own, times the radius of a pin, m; else 1."""
+    mu = 1.0 if dry.coefficient is None else dry.coefficient * (dry.radius or 1.0)
+    return mu, mu
+
+
 def layout_of(mechanism: Mechanism) -> RowLayout:
     """Lay out the rows of a mechanism's contacts, stops and dry frictions.
 
@@ -149,9 +161,10 @@ def layout_of(mechanism: Mechanism) -> RowLayout:
     first = len(rows_of_parts)
     friction = [one for k, part in enumerate(parts) for one in _of_contact(part, k, int(pairs["turning"][k]))]
     dry_sets = [
-        FrictionSet(f"dry friction '{d.name}'", (first + sides + i,), 1.0, 1.0, None, d.bound or 0.0)
+        FrictionSet(f"dry friction '{d.name}'", (first + sides + i,), *_coefficients(d), None, d.bound or 0.0)
         for i, d in enumerate(mechanism.dry_frictions)
     ]
+    rigid = [k for k, part in enumerate(parts) if part.compliance is None]
     joint_names = [f"stop '{mechanism.stops[owners[s]].name}'" for s in range(sides)]
     return RowLayout(
         mechanism,
@@ -168,9 +181,10 @@ def layout_of(mechanism: Mechanism) -> RowLayout:
         site=np.array(
             [*(owner[k] for k in rows_of_parts), *(len(mechanism.contacts) + o for o in owners)], dtype=np.int64
         ),
-        normals=(*range(0, 3 * len(parts), 3), *range(first, first + sides)),
-        gaps=np.arange(len(parts) + sides),
-        restitution=np.array([*(part.restitution for part in parts), *restitution]),
+        normals=(*(3 * k for k in rigid), *range(first, first + sides)),
+        springs=tuple(k for k, part in enumerate(parts) if part.compliance is not None),
+        gaps=np.array([*rigid, *range(len(parts), len(parts) + sides)], dtype=np.int64),
+        restitution=np.array([*(parts[k].restitution for k in rigid), *restitution]),
         friction=(*friction, *dry_sets),
         dry=(*(None for _ in friction), *mechanism.dry_frictions),
     )

@@ -9,8 +9,8 @@ import numpy as np
 from consilience.engine import EVENT_KINDS, TrajectoryAnswer
 from consilience.mechanism import Array, continuous_in_time
 from consilience.reference.bodies.arrays import unpack
-from consilience.reference.contact.equations import RowModes
 from consilience.reference.contact.layout import RowLayout
+from consilience.reference.contact.row_modes import RowModes
 from consilience.reference.contact.stepper import Stepper
 
 SEPARATED, SLIDING, STICKING = 0, 1, 2
@@ -41,15 +41,16 @@ class ContactEvent:
 def site_modes(layout: RowLayout, modes: RowModes) -> Array:
     """Return the mode of each site, shape (n_sites,): a contact of no friction slides, a stop sticks."""
     found = np.full(len(layout.sites), SEPARATED)
-    parts = len(layout.parts)
+    stops = len(layout.names) - len(layout.limits)
     held = np.zeros(len(layout.names), dtype=bool)
     for one, mode in zip(layout.friction, modes.friction, strict=True):
         if mode is not None and len(mode.held) == len(one.rows):
             held[list(one.rows)] = True
-    for k, (n, closed) in enumerate(zip(layout.normals, modes.closed, strict=True)):
-        if closed:
-            sticks = k >= parts or bool(held[n + 1] and held[n + 2])
-            _mark(found, int(layout.site[n]), STICKING if sticks else SLIDING)
+    closed = [n for n, shut in zip(layout.normals, modes.closed, strict=True) if shut]
+    closed += [3 * k for k, pressed in zip(layout.springs, modes.pressed, strict=True) if pressed]
+    for n in closed:
+        sticks = n >= stops or bool(held[n + 1] and held[n + 2])
+        _mark(found, int(layout.site[n]), STICKING if sticks else SLIDING)
     for one, dry, mode in zip(layout.friction, layout.dry, modes.friction, strict=True):
         if dry is not None and mode is not None:
             _mark(found, int(layout.site[one.rows[0]]), STICKING if len(mode.held) else SLIDING)
@@ -89,7 +90,7 @@ class Samples:
         self._gaps.append(gaps)
         self._impulses.append(impulse)
         self._modes.append(site_modes(layout, stepper.modes)[:contacts])
-        self._losses.append(loss)
+        self._losses.append(loss - stepper.equations.stored(stepper.modes.pressed))
 
     def add(self, time: float, kind: str, site: int) -> None:
         """Add an event."""
@@ -125,7 +126,7 @@ class Samples:
             contact_gap=np.array(self._gaps),
             contact_impulse=np.diff(np.array(self._impulses), axis=0, prepend=np.array(self._impulses)[:1]),
             contact_mode=np.array(self._modes),
-            contact_loss=np.array(self._losses),
+            contact_loss=np.array(self._losses) - self._losses[0],
             event_time=np.array([event.time for event in events]),
             event_contact=np.array([event.site for event in events], dtype=np.int64),
             event_kind=np.array([EVENT_KINDS.index(event.kind) for event in events], dtype=np.int64),

@@ -24,7 +24,7 @@ from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Array, Contact, Mechanism, State, characteristic_length
 from consilience.reference.bodies.canonical import sample_times
 from consilience.reference.contact.bounces import Bounces
-from consilience.reference.contact.equations import ContactEquations, Response, RowModes, open_modes
+from consilience.reference.contact.equations import ContactEquations, Response
 from consilience.reference.contact.event_functions import EventFunctions
 from consilience.reference.contact.events import PARTS, Watch, first_zero, start_of_slip
 from consilience.reference.contact.impact import Impact, apply_impact
@@ -36,6 +36,7 @@ from consilience.reference.contact.lasting import (
     widest_margin,
 )
 from consilience.reference.contact.layout import layout_of
+from consilience.reference.contact.row_modes import RowModes, open_modes
 from consilience.reference.contact.samples import ContactEvent, Samples
 from consilience.reference.contact.slip_headings import STILL, STOPPED, SlipHeadings
 from consilience.reference.contact.stepper import Stepper
@@ -120,6 +121,7 @@ class _ContactSimulation:
     def integrate(self) -> TrajectoryAnswer:
         """Integrate step by step; samples are taken within steps."""
         self._refuse_overlap()
+        self.equations.press(TOUCHING * self.length)
         self._settle(frozenset(), {}, frozenset(), first=True)
         end = float(self.times[-1])
         self._record(self.stepper.t)
@@ -135,9 +137,10 @@ class _ContactSimulation:
         if len(gaps) and np.min(gaps) < -TOUCHING * self.length:
             worst = int(np.argmin(gaps))
             name = self.layout.names[self.layout.normals[worst]]
-            if worst >= len(self.layout.parts):
+            k = self.layout.part_of(worst)
+            if k is None:
                 raise InvalidInput(name, f"the joint is {-gaps[worst]:.6g} beyond it at the start", "Start within it.")
-            part = self.layout.parts[worst]
+            part = self.layout.parts[k]
             raise InvalidInput(
                 name,
                 f"'{part.body}' and '{part.partner}' overlap by {-gaps[worst]:.6g} m at the start",
@@ -228,6 +231,8 @@ class _ContactSimulation:
             stopped.add(watch.index)
         elif watch.kind == "gap":
             closing.add(watch.index)
+        elif watch.kind in ("touch", "spring"):
+            self.equations.pressed[watch.index] = watch.kind == "touch"
         else:
             response = self.stepper.respond(self.stepper.t, self.stepper.y)
             force = self.stepper.forces()

@@ -18,7 +18,8 @@ from consilience.mechanism import RANK_TOLERANCE, Array, State
 from consilience.reference.bodies.arrays import pack, unpack, workspace
 from consilience.reference.bodies.forces import count_turns
 from consilience.reference.bodies.projection import normalise
-from consilience.reference.contact.equations import ContactEquations, Response, RowModes
+from consilience.reference.contact.equations import ContactEquations, Response
+from consilience.reference.contact.row_modes import RowModes
 
 
 class Stepper:

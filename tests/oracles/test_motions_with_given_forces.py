@@ -1,0 +1,111 @@
+"""Contacts on springs and dampers, and friction that reactions of joints bound, against closed forms."""
+
+import numpy as np
+import pytest
+
+from consilience.errors import NumericalFailure
+from consilience.mechanism import (
+    GROUND,
+    Body,
+    Compliance,
+    Drive,
+    DryFriction,
+    Frame,
+    Function,
+    Initial,
+    Joint,
+    Mechanism,
+    initial_state,
+)
+from consilience.reference.contact import contact_instant, simulate_with_contacts
+from contact_problems import BALL, LEVEL, Lab, turned
+
+G, LAB = 9.81, Lab()
+STATE, TIME = 1e-10, 1e-11
+
+
+def soft_ball(compliance, gravity=LEVEL, friction=0.0):
+    """Ball of 2 kg and 0.1 m, its normal motion that of a point on the spring."""
+    return LAB.free_body(2.0, BALL, gravity, [LAB.sphere(0.1, friction=friction, compliance=compliance)])
+
+
+def test_a_ball_leaves_a_spring_and_a_damper_where_they_would_pull():
+    """Without gravity ``x = v/wd exp(-s t) sin(wd t)``, and ``k x + c x' = 0`` ends the contact, still overlapping."""
+    m, k, c, v = 2.0, 5000.0, 60.0, 1.5
+    s = c / (2 * m)
+    wd = np.sqrt(k / m - s**2)
+    lasts = (np.pi - np.arctan2(c * wd, k - c * s)) / wd
+    x = v / wd * np.exp(-s * lasts) * np.sin(wd * lasts)
+    leaves = v * np.exp(-s * lasts) * (np.cos(wd * lasts) - s / wd * np.sin(wd * lasts))
+    touches = 0.2 / v
+    times = np.array([0.0, touches + lasts + 0.1])
+    answer, events = simulate_with_contacts(
+        soft_ball(Compliance(k, c), np.zeros(3)), LAB.state([0, 0, 0.3], [0, 0, -v]), times, 1e-13
+    )
+    assert [e.kind for e in events] == ["closes", "opens"]
+    assert [e.time for e in events] == pytest.approx([touches, touches + lasts], abs=TIME)
+    assert LAB.centre(answer)[0] == pytest.approx([0, 0, 0.1 - x - 0.1 * leaves], abs=STATE)
+    assert answer.contact_loss[-1] == pytest.approx(0.5 * m * (v**2 - leaves**2), abs=STATE)
+    assert LAB.axes.T @ answer.contact_impulse[-1, 0] == pytest.approx([0, 0, m * (v - leaves)], abs=STATE)
+
+
+def test_a_bowling_ball_on_a_spring_slips_and_rolls_as_on_rigid_ground():
+    """On its static deflection ``m g/k`` the load of the friction stays ``m g``."""
+    mu, slip = 0.2, np.array([2.0, 1.0])
+    sinks, rolls = 2.0 * G / 3e4, 2 * np.hypot(*slip) / (7 * mu * G)
+    mechanism = soft_ball(Compliance(3e4), friction=mu)
+    start = LAB.state([0, 0, 0.1 - sinks], [*slip, 0])
+    answer, events = simulate_with_contacts(mechanism, start, np.array([0.0, rolls + 0.2]), 1e-13)
+    assert [e.kind for e in events] == ["sticks"]
+    assert events[0].time == pytest.approx(rolls, abs=TIME)
+    gone = slip * rolls - mu * G * slip / np.hypot(*slip) * rolls**2 / 2 + 5 / 7 * slip * 0.2
+    assert LAB.centre(answer)[0] == pytest.approx([*gone, 0.1 - sinks], abs=STATE)
+    force = LAB.axes.T @ contact_instant(mechanism, [start]).contact_force[0, 0]
+    assert force == pytest.approx([*(-mu * 2.0 * G * slip / np.hypot(*slip)), 2.0 * G], abs=1e-9)
+
+
+def bead_on_rod(gravity, twice=False):
+    """Bead of 0.3 kg on a rod along x of the lab that turns at 2 rad/s about z, friction 0.3 of the reaction."""
+    lumpy = np.array([[3.0, 0.2, -0.1], [0.2, 4.0, 0.3], [-0.1, 0.3, 5.0]])
+    R = turned(0.3, -0.4, 0.7)
+    bodies = (
+        Body("rod", 2.0, np.array([0.05, 0.02, -0.01]), 1e-2 * lumpy, Frame(LAB.origin, LAB.axes @ R)),
+        Body("bead", 0.3, np.zeros(3), 1e-4 * lumpy, Frame(LAB.origin, LAB.axes)),
+    )
+    along = np.eye(3)[:, [1, 2, 0]]  # z of the joint is x
+    joints = [
+        Joint("hub", "revolute", GROUND, "rod", Frame(LAB.origin, LAB.axes), Frame(np.zeros(3), R.T)),
+        Joint("slide", "prismatic", "rod", "bead", Frame(np.zeros(3), R.T @ along), Frame(np.zeros(3), along)),
+    ]
+    if twice:
+        joints.append(Joint("again", "prismatic", "rod", "bead", joints[1].F, joints[1].M))
+    drive = Drive("motor", "hub", "angle", Function([0.0, 2.0]))
+    dry = DryFriction("fit", "slide", "distance", coefficient=0.3)
+    return Mechanism("bead", LAB.axes @ gravity, bodies, tuple(joints), drives=(drive,), dry_frictions=(dry,))
+
+
+def sliding(mechanism, r, rate):
+    return initial_state(
+        mechanism, Initial(coordinates={"slide": {"distance": r}}, rates={"slide": {"distance": rate}})
+    )
+
+
+def test_a_bead_under_gravity_stops_on_its_turning_rod_and_stays():
+    """``r'' = 4 r - 0.3 hypot(g, 4 r')``, integrated to 11 digits; it stays, for ``4 r <= 0.3 g``."""
+    mechanism = bead_on_rod(LEVEL)
+    start = sliding(mechanism, 0.2, 1.0)
+    answer, events = simulate_with_contacts(mechanism, start, np.array([0.0, 0.5, 1.5]), 1e-13)
+    assert [e.kind for e in events] == ["sticks"]
+    assert events[0].time == pytest.approx(0.73842063542, abs=2e-11)
+    r = np.linalg.norm(answer.p_WB[:, 1] - LAB.origin, axis=1)
+    assert r[-1] == pytest.approx(0.50644017664, abs=2e-11)
+    found = contact_instant(mechanism, [start])
+    arm = start.p_WB[1] - LAB.origin
+    x = arm / np.linalg.norm(arm)
+    assert x @ found.a_WB_W[0, 1] == pytest.approx(-0.3 * np.hypot(G, 4.0), abs=1e-11)
+
+
+def test_friction_of_a_reaction_that_is_shared_is_refused():
+    mechanism = bead_on_rod(LEVEL, twice=True)
+    with pytest.raises(NumericalFailure, match="dry friction 'fit': constraints that depend on one another leave"):
+        contact_instant(mechanism, [sliding(mechanism, 0.2, 1.0)])
