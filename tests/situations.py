@@ -63,6 +63,7 @@ class Situation:
     dispute: str = ""
     earlier: str = ""
     effect: float | None = None
+    mass_effect: float | None = None
     singular: int | None = None
     impacts: bool = False
     other: str = ""
@@ -80,8 +81,10 @@ class Situation:
             self._run(replace(method, softness=s), len(runs) - 1, self.steps[-1], s)
             for s in (SCALES[self.profile] if self.soft else ())
         ]
-        acting = (
-            () if self.effect is None else (MotionSensitivity("gravity", "gravity", np.full(len(TIMES), self.effect)),)
+        acting = tuple(
+            MotionSensitivity(of, of, np.full(len(TIMES), effect))
+            for of, effect in (("gravity", self.effect), ("mass", self.mass_effect))
+            if effect is not None
         )
         spread = np.full(len(TIMES), self.spread)
         true = (
@@ -292,6 +295,15 @@ SITUATIONS = (
     Situation("levels that agree, steps of a radian", lambda h, s: 1e-3, U, "unresolved rate", steps=(1.6, 0.8, 0.4)),
     Situation("agreement within what gravity changes", lambda h, s: 1e-9, U, "no power", effect=9e-8, digits=8),
     Situation("a band as wide as a tenth of gravity", lambda h, s: 5.0 * h**2, U, "no power", effect=1e-4),
+    Situation(
+        "a band that shows gravity and hides mass",
+        lambda h, s: 5.0 * h**2,
+        U,
+        "no power",
+        effect=1e-2,
+        mass_effect=1e-5,
+    ),
+    Situation("mass acts below the digits asked", lambda h, s: 5.0 * h**2, D, "steps", effect=1e-2, mass_effect=9e-8),
     Situation("soft by more than gravity changes", lambda h, s: 0.1 * s, U, "no power", soft=True, effect=0.1),
     Situation(
         "an order not quite clean, a limit just beyond the band",

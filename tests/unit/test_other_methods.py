@@ -14,6 +14,7 @@ from consilience.engine import InstantAnswer, Method, Profile, Question, Route, 
 from consilience.mechanism import Initial
 from consilience.report.record import Record
 from consilience.report.summary import matrix
+from consilience.suite import QUICK
 from situations import MECHANISM
 
 CASE = Case("c", "c.toml", "one state", MECHANISM, Initial(), 1.0, 0.1, 8, 1, 1)
@@ -54,6 +55,14 @@ def test_few_digits_are_the_solvers_where_the_terms_agree(route, difference, bar
 )
 def test_without_its_own_terms_a_missed_bar_is_the_model(others):
     assert reconsidered([instant(Route.TUNED, 5e-11), *others])[0].verdict is Verdict.MODEL
+
+
+def test_a_quick_run_asks_at_states_by_all_methods():
+    """Otherwise the solver of a headline method is taken for the model."""
+    methods = (headline := Method("solver", Route.TUNED), Method("terms", Route.HARNESS_SOLVE))
+    assert QUICK.some(methods, "e", Question.INSTANT) == methods
+    assert QUICK.some(methods, "e", Question.TRAJECTORY) == (headline,)
+    assert len(QUICK.some(2 * methods, REFERENCE, Question.INSTANT)) == QUICK.reference_methods
 
 
 def test_masses_and_energies_are_no_matter_of_a_solver():

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from consilience.compare.power import LARGEST
 from consilience.compare.softness import EXPLAINED, Softness
@@ -90,9 +91,9 @@ class Evidence:
     velocities : float
         Relative difference of the velocities: of the finest level, or of the limit at order one if smaller, because a
         method may have a lower order in velocities than in poses.
-    effect : float or None
-        Largest change of the reference for an error of a parameter, over the error; None if no parameter is known to
-        act.
+    effects : mapping of str to float
+        Changes of the reference for an error of a parameter, over the error, by the parameter in words; empty if no
+        parameter is known to act.
     """
 
     asked: float
@@ -117,7 +118,7 @@ class Evidence:
     rate: float = 0.0
     turning: float = 0.0
     cut: str = ""
-    effect: float | None = None
+    effects: Mapping[str, float] = field(default_factory=dict)
     singular: bool = False
     impacts: bool = False
     envelope: float | None = None
@@ -209,15 +210,22 @@ class Evidence:
         return max(self.allowed, EXPLAINED * min(self.finest, SATURATED)) if self.softness_explains else self.allowed
 
     @property
-    def powerless(self) -> bool:
-        """Whether the largest error of any parameter that acts would be passed over."""
+    def unseen(self) -> str:
+        """Parameter whose largest error would be passed over though the digits asked show it; empty if there is none.
+
+        Where the digits asked show no parameter, the one that acts most.
+        """
         passed = (
             self.finest <= self.allowed
             or self.converges_here
             or self.within_phase
             or (not self.earlier and self.softness_explains)
         )
-        return passed and self.effect is not None and self.effect * LARGEST <= self.passes
+        if not passed or not self.effects:
+            return ""
+        shown = {of: effect for of, effect in self.effects.items() if effect * LARGEST > self.allowed}
+        of, effect = min((shown or self.effects).items(), key=lambda item: item[1] if shown else -item[1])
+        return of if effect * LARGEST <= self.passes else ""
 
     @property
     def observed(self) -> str:

@@ -21,7 +21,7 @@ from consilience.engine import Question, Run, Status, TrajectoryAnswer
 from consilience.mechanism import Array, Mechanism
 
 LARGEST = 0.1
-"""Error that no verdict may pass over: where every parameter that acts may be wrong by as much, nothing was shown."""
+"""Error that no verdict may pass over, of any parameter that acts at the digits asked."""
 
 SIZE = 1e-5
 """Size of an error at first: its square, which linearity neglects, is as small as the rounding of an answer."""

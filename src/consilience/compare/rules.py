@@ -22,9 +22,9 @@ JUMP = 1e9
 """Angle in rad by which the direction of a spring turns in a step from which on it jumps."""
 
 NO_POWER = "no power"
-"""Name of the rule for comparisons that would have passed anything."""
+"""Name of the rule for comparisons that would have passed a gross error."""
 
-POWERLESS = f"an error of {100 * LARGEST:.0f} % in anything that acts would pass"
+POWERLESS = f"an error of {100 * LARGEST:.0f} % in something that acts at the digits asked would pass"
 
 
 @dataclass(frozen=True)
@@ -130,8 +130,10 @@ RULES: tuple[Rule, ...] = (
         NO_POWER,
         Verdict.UNRESOLVED,
         POWERLESS,
-        lambda e: e.powerless,
-        lambda e: f"{POWERLESS}: differences up to {e.passes:.2g} do{e.until}",
+        lambda e: e.unseen != "",
+        lambda e: (
+            f"an error of {100 * LARGEST:.0f} % in {e.unseen} would pass: differences up to {e.passes:.2g} do{e.until}"
+        ),
     ),
     Rule(
         "agreement",

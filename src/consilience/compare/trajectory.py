@@ -142,7 +142,7 @@ class _Levels:
             asymptotic=ladder.asymptotic,
             softness=soft,
             earlier=earlier,
-            effect=max((float(s.effect[last]) for s in self.reference_motion.sensitivities), default=None),
+            effects={s.of: float(s.effect[last]) for s in self.reference_motion.sensitivities},
             velocities=self._velocities(),
             remains=ladder.remains,
             saturation=ladder.saturation,

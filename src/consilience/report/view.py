@@ -28,7 +28,7 @@ from consilience.report.tables import MethodTable, method_tables
 from consilience.report.tiles import MatrixRow, matrix_rows
 from consilience.report.wording import EXIT_CODES, LOOKS, NOT_ASKED, ROUTES, YARDSTICK, Look, counted
 
-QUICKLY = "quickly (few states, the start of each motion, one method of each engine)"
+QUICKLY = "quickly (few states, the start of each motion by one method of each engine)"
 
 
 @dataclass(frozen=True)

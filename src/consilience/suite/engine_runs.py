@@ -46,7 +46,8 @@ class Thoroughness:
     Attributes
     ----------
     methods, reference_methods : int or None
-        Number of methods of an engine, and of the reference, the headline method first; None: all.
+        Number of methods of an engine, and of the reference, the headline method first; None: all. At states an engine
+        is asked by all of its methods, since they are judged in the light of one another (`compare.other_methods`).
     states : int or None
         Largest number of states of the question `instant`.
     samples : int or None
@@ -69,15 +70,17 @@ class Thoroughness:
             case = case.with_span(self.samples * case.sample, None)
         return case
 
-    def some(self, methods: Sequence[Method], engine: str) -> Sequence[Method]:
-        """Return the methods that are asked for."""
-        return methods[: self.reference_methods if engine == REFERENCE else self.methods]
+    def some(self, methods: Sequence[Method], engine: str, question: Question) -> Sequence[Method]:
+        """Return the methods by which a question is asked."""
+        if engine == REFERENCE:
+            return methods[: self.reference_methods]
+        return methods if question.at_states else methods[: self.methods]
 
 
 FULL = Thoroughness()
 
 QUICK = Thoroughness(methods=1, reference_methods=2, states=3, samples=5, closer=False)
-"""A short motion by the headline method of each engine: enough to see that something is wrong."""
+"""Few states, and a short motion by the headline method of each engine: enough to see that something is wrong."""
 
 
 def open_plan(worker: EngineHandle, case: Case) -> Plan | str:
@@ -127,7 +130,7 @@ class EngineCase:
             reason = "; ".join(f"{u.feature}: {u.reason}" for u in refusals)
             yield Run(case.name, worker.engine, question, None, 0, None, Status.UNSUPPORTED, reason=reason)
             return
-        methods = self.thoroughness.some(plan.methods[question], worker.engine)
+        methods = self.thoroughness.some(plan.methods[question], worker.engine, question)
         if not methods:
             yield self._failed(question, None, NO_METHOD)
         headline: Sequence[Run] = []

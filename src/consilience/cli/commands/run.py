@@ -55,7 +55,7 @@ def run(
     tag: Tags = None,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the report.")] = Path("consilience-report"),
     quick: Annotated[
-        bool, typer.Option("--quick", help="Few states, short motions, the headline of each engine alone.")
+        bool, typer.Option("--quick", help="Few states; short motions, by one method of each engine.")
     ] = False,
     fresh: Annotated[bool, typer.Option("--fresh", help="Ask again what the folder has answers to.")] = False,
     jobs: Jobs = CORES,
