@@ -57,6 +57,19 @@ campaign:
 report *arguments:
     {{ bin }}/consilience run --tag tour -o report {{ arguments }}
 
+# ask all engines about the whole library in full, and keep the report in reports/agreement; goes on where it was stopped
+agreement:
+    {{ bin }}/consilience run -o build/agreement || [ $? -ne 2 ]
+    {{ bin }}/python tests/agreement.py keep build/agreement
+
+# build the distribution, and check that it is complete
+wheel *arguments:
+    {{ bin }}/pip install -q -c requirements.lock -e '.[release]'
+    {{ bin }}/python tests/wheel.py {{ arguments }}
+
+# install the wheel in an empty environment of each Python that is there, and run the tour from it
+pythons: (wheel "--tour" "python3.11" "python3.12" "python3.13")
+
 # freeze the list of cases as it is, in cases/edition-NAME.toml
 edition name:
     test ! -e cases/edition-{{ name }}.toml
