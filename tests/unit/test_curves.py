@@ -1,12 +1,13 @@
 """Curves of a motion: drawn extremes are those of the motion, or say how far they may be off."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import consilience as cs
-from consilience.case import load_case
+from consilience.case import load_case, load_cases
 from consilience.engine import Question, TrajectoryAnswer
 from consilience.errors import InvalidInput
 from consilience.report.curves import KEPT, CurveSet, curve_sets, thinned
@@ -15,6 +16,7 @@ from consilience.report.plots_replay import motion_figure
 from consilience.report.replay import replays
 from consilience.suite import QUICK, densely_sampled, run_suite, simulate_case
 from mechanisms import chain
+from peaks import errors
 
 
 def passing(count, width):
@@ -56,6 +58,37 @@ def test_a_peak_that_the_samples_do_not_settle_is_marked():
     assert mark.startswith("peak may be off by")
     assert list(found.open[1:]) == [0.0, 0.0]
     assert mark in motion_figure(found, None, [])["layout"]["annotations"][0]["text"]
+
+
+@pytest.mark.parametrize(("hit", "marked"), [(0.508, True), (0.503, False)])
+def test_a_speed_before_an_impact_between_samples_is_marked(hit, marked):
+    """A fall of ``g t`` that ends at `hit`; the last sample before it is at 0.5 s, at every fourth as at every one."""
+    time, g = np.linspace(0.0, 1.0, 33), 9.81
+    answer = passing(33, 1.0)
+    answer.v_WB_W[:, 0] = np.where(time < hit, -g * time, 0.0)[:, None] * [0.0, 0.0, 1.0]
+    answer = replace(answer, event_time=np.array([hit]), event_contact=np.array([0]), event_kind=np.array([0]))
+    found = velocities(answer)
+    assert np.min(found.values[:, 2]) == pytest.approx(-g * 0.5)
+    assert bool(found.marks) is marked
+    assert found.open[2] == (pytest.approx((hit - 0.5) / 0.5) if marked else 0.0)
+
+
+def test_a_torque_that_is_the_rounding_of_a_force_is_zero():
+    """A double pendulum in a plane, pins across it: in its joints no torque acts."""
+    case = load_case("chrono_double_pendulum").with_span(0.1, None)
+    answer, _ = simulate_case(case, "reference", 60.0)
+    found = next(curve_sets(case.mechanism, answer, ["reactions"]))
+    torques = [name.unit == "N m" for name in found.names]
+    assert sum(torques) == 2
+    assert not found.values[:, torques].any()
+
+
+@pytest.mark.parametrize("name", ["slider_crank", "flat_box_drop"])
+def test_drawn_extremes_are_those_of_a_finer_motion_or_marked(name):
+    (case,) = load_cases(name)
+    wrong, count, _ = errors(case)
+    assert count
+    assert not wrong
 
 
 def test_lines_between_the_kept_samples_are_the_curve():

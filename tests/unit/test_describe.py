@@ -10,15 +10,16 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from consilience.case import Case, load_cases
+from consilience.case import Case, load_cases, shipped_cases
 from consilience.case.families import family_cases
 from consilience.errors import InvalidInput
 from consilience.mechanism import Initial, Rolling, Skate, body_point, centres_of_mass
+from consilience.report.figure import COLOURS
 from consilience.report.figure3d import figure_of, upright, widest_view
 from consilience.report.picture import as_png, picture, views
 from consilience.report.summary import describe_case
 from consilience.report.textdrawing import COLUMNS, ROWS, draw
-from mechanisms import ELEMENTS, LOOPS, TREES, states_of
+from mechanisms import ELEMENTS, LOOPS, TREES, chain, states_of
 
 GROUPS = (
     "joints",
@@ -165,6 +166,24 @@ def test_a_png_is_the_picture_at_twice_its_size_with_its_words():
     assert image.shape[:2] == tuple(2 * round(float(ET.fromstring(svg).get(side))) for side in ("height", "width"))
     words = image[120:420, 1860:, :3]  # the column of names, which has words alone
     assert 0.005 < np.mean(words < 0.5) < 0.2
+
+
+def test_every_body_of_every_case_is_drawn():
+    for case in shipped_cases():
+        if not case.unassembled:
+            lines = figure_of(case.mechanism, case.initial_state).lines
+            assert {line.body for line in lines} - {-1} == set(range(len(case.mechanism.bodies))), case.name
+
+
+def test_all_ink_of_a_picture_has_another_colour_on_a_dark_ground():
+    svg = picture(chain("revolute"), states_of(chain("revolute"), 1)[0], "")
+    root, style = ET.fromstring(svg), ET.fromstring(svg).find("{*}style").text
+    told = {name for rule in re.findall(r"[^{}]*(?= \{ )", style) for name in re.findall(r"\.([a-z]+)", rule)}
+    bodies = {"none", *COLOURS}
+    for element in root.iter():
+        colours = {element.get(name) for name in ("fill", "stroke")} - {None, *bodies}
+        if colours:
+            assert told & set((element.get("class") or "").split()), (element.tag, colours)
 
 
 @pytest.mark.parametrize("name", EVERYTHING)

@@ -22,6 +22,7 @@ from consilience.report.engines import known_findings
 from consilience.report.figure3d import figure_of
 from consilience.report.html import fragments, render_html, render_replay
 from consilience.report.motion import FINE, FRAMES, FULL, chosen_samples, encoded_difference, encoded_poses
+from consilience.report.plots_replay import drift
 from consilience.report.reactions import can_be_told, drift_over_time, reactions, reactions_over_time
 from consilience.report.record import Record, lines
 from consilience.report.replay import motion_alone, replay_of, replays
@@ -217,9 +218,21 @@ def test_an_engine_is_shown_by_its_first_matched_method_at_its_finest_level():
     assert found["motion"]["engines"]["e"]["how"] == "RK4, step 0.01 s"
     assert found["motion"]["engines"]["e"]["away"] == pytest.approx(1e-3)
     assert found["seed"] == case.seed
-    drift = found["along"]["engines"]["e"]["drift"]
-    assert (drift[0], drift[1]) == (pytest.approx(0.0, abs=1e-12), pytest.approx(1e-3, rel=1e-2))
+    own = found["along"]["engines"]["e"]["drift"]
+    assert len(own) == len(found["along"]["drift_times"])
+    assert (own[0], own[1]) == (pytest.approx(0.0, abs=1e-12), pytest.approx(1e-3, rel=1e-2))
     assert replay_of(case, [])["motion"] is None
+
+
+def test_the_violation_of_joints_is_drawn_at_more_samples_than_reactions():
+    case, _, _, answer = pendulum()
+    times = np.linspace(0.0, 1.0, 901)
+    long = TrajectoryAnswer(times, *(np.repeat(v[:1], 901, axis=0) for v in vars(answer).values() if np.ndim(v) == 3))
+    along = replay_of(case, runs_of(case, long))["along"]
+    assert len(along["times"]) == 31
+    assert np.diff(along["drift_times"]) == pytest.approx(3.0 / 900.0, rel=1e-3)
+    figure = drift(along, ["reference", "e"])
+    assert all(len(trace["x"]) == len(trace["y"]) == 301 for trace in figure["data"])
 
 
 @pytest.fixture
@@ -254,7 +267,7 @@ def test_a_case_called_engine_does_not_hide_the_page_of_an_engine():
         (lambda one: one["motion"]["reference"].update(p="AAAA"), "another number of values"),
         (lambda one: one["motion"]["reference"].update(quat="<b>"), "no base64"),
         (lambda one: one["scene"]["joints"][0].update(body=7), "not there"),
-        (lambda one: one["along"]["engines"]["e"]["drift"].append(0.0), "not as many as times"),
+        (lambda one: one["along"]["engines"]["e"]["drift"].append(0.0), "not as many as their times"),
         (lambda one: one["scene"]["gravity"].append(1.0), "at most 3 items"),
         (lambda one: one["curves"][0]["values"][0].pop(), "not as many as times"),
         (lambda one: one["curves"][0]["open"].pop(), "not as many as names"),

@@ -20,6 +20,7 @@ from consilience.mechanism import (
     JOINT_KINDS,
     Array,
     Mechanism,
+    characteristic_length,
     joint_coordinates,
     joint_rates,
     kinetic_energy,
@@ -36,7 +37,10 @@ SETTLED = 0.01
 """Change of an extreme on two halvings, relative to the largest magnitude of its curve, that a settled curve has."""
 
 FLOOR = 1e-9
-"""Curves smaller than this part of the largest one of their unit are the rounding of the others."""
+"""Curves smaller than this part of the largest one of their kind are the rounding of the others."""
+
+TIMES_LENGTH = ("N", "rad", "rad/s")
+"""Units of curves that are compared with the others of their kind times the characteristic length."""
 
 STRAIGHT = 0.002
 """Deviation from straight lines between the samples that are kept, relative to the range of a curve."""
@@ -216,7 +220,8 @@ def curve_sets(
         own = [k for k, name in enumerate(names) if name.panel in list(found)[:MOST]]
         if own:
             shown = _settled(partial(_columns, kind, own, mechanism, answer), answer, first)
-            yield from _drawable(CurveSet(what, tuple(names[k] for k in own), *shown, panels=len(found)))
+            found_curves = CurveSet(what, tuple(names[k] for k in own), *shown, panels=len(found))
+            yield from _drawable(found_curves, characteristic_length(mechanism))
 
 
 def _columns(kind: CurveKind, own: list[int], mechanism: Mechanism, answer: TrajectoryAnswer, at: Array) -> Array:
@@ -236,14 +241,43 @@ def _settled(evaluate: Callable[[Array], Array], answer: TrajectoryAnswer, strid
     last = len(answer.time) - 1
     samples = np.unique([*np.arange(0, last, stride), *_jerks(answer), last])
     values = evaluate(samples)
-    while np.any(_change(values, samples % (4 * stride) == 0) > SETTLED) and stride > 1:
+    while np.any((change := _open(answer, samples, values, 4 * stride)) > SETTLED) and stride > 1:
         stride //= 2
         between = np.setdiff1d(np.arange(0, last, stride), samples)
         order = np.argsort(np.concatenate([samples, between]))
         values = np.concatenate([values, evaluate(between)])[order]
         samples = np.concatenate([samples, between])[order]
-    change = _change(values, samples % (4 * stride) == 0)
     return answer.time[samples], values, np.where(change > SETTLED, change, 0.0)
+
+
+def _open(answer: TrajectoryAnswer, samples: Array, values: Array, every: int) -> Array:
+    """Return how far extremes may be off, relative to the largest magnitude: by two halvings, or between samples."""
+    time, largest = answer.time[samples], np.max(np.abs(values), axis=0)
+    beyond = _between(time, values, np.zeros(0) if answer.event_time is None else answer.event_time)
+    part = np.divide(beyond, largest, out=np.zeros_like(beyond), where=largest > 0.0)
+    return np.maximum(part, _change(values, samples % every == 0))
+
+
+def _between(time: Array, values: Array, events: Array) -> Array:
+    """Return by how much curves are estimated to go beyond their extremes between samples, shape (number of curves,).
+
+    Beside an event, where a curve may jump, by straight lines through the two samples before it and behind it;
+    elsewhere by parabolas through each extreme and its neighbours.
+    """
+    high, low = values.max(axis=0), values.min(axis=0)
+    behind = np.searchsorted(time, events)
+    beyond = np.zeros(values.shape[1])
+    for k, t in zip(behind, events, strict=True):
+        for a, b in ((k - 2, k - 1), (k + 1, k)):
+            if min(a, b) >= 0 and max(a, b) < len(time):
+                met = values[b] + (t - time[b]) / (time[b] - time[a]) * (values[b] - values[a])
+                beyond = np.maximum(beyond, np.maximum(met - high, low - met))
+    for sign in (1.0, -1.0):
+        for n, k in enumerate((sign * values).argmax(axis=0)):
+            if 0 < k < len(time) - 1 and not np.any((behind == k) | (behind == k + 1)):
+                a, b, c = np.polyfit(time[k - 1 : k + 2] - time[k], sign * (values[k - 1 : k + 2, n] - values[k, n]), 2)
+                beyond[n] = max(beyond[n], c - b * b / (4.0 * a) if a < 0.0 else 0.0)
+    return beyond
 
 
 def _jerks(answer: TrajectoryAnswer) -> Array:
@@ -264,7 +298,7 @@ def _change(values: Array, coarse: Array) -> Array:
     return np.asarray(np.divide(off, largest, out=np.zeros_like(off), where=largest > 0.0))
 
 
-def _drawable(found: CurveSet) -> Iterator[CurveSet]:
+def _drawable(found: CurveSet, length: float) -> Iterator[CurveSet]:
     """Leave out curves that are not numbers, put rounding to zero, count full turns, and drop samples on lines."""
     own = np.asarray(np.isfinite(found.values).all(axis=0))
     if not own.any():
@@ -274,9 +308,8 @@ def _drawable(found: CurveSet) -> Iterator[CurveSet]:
     if found.what == "coordinates":
         turning = [n.label.startswith("angle") for n in names]
         values[:, turning] = np.unwrap(values[:, turning], axis=0)
-    units = np.array([n.unit for n in names])
-    largest = np.max(np.abs(values), axis=0)
-    small = largest < FLOOR * np.array([np.max(largest[units == u]) for u in units])
+    largest = np.max(np.abs(values), axis=0) * [length if n.unit in TIMES_LENGTH else 1.0 for n in names]
+    small = largest < FLOOR * np.max(largest)
     values, change = np.where(small, 0.0, values), np.where(small, 0.0, change)
     kept = thinned(found.time, values)
     yield CurveSet(found.what, names, found.time[kept], values[kept], change, found.panels)

@@ -36,6 +36,20 @@ SHAPES = {"revolute": "circle", "prismatic": "square", "spherical": "ball", "rig
 """Symbols of joint kinds; every other kind is a diamond."""
 
 
+DARK = """@media (prefers-color-scheme: dark) {
+.mechanism, .mechanism .word { fill: #e7e9ec }
+.mechanism .paper { fill: #15171b }
+.mechanism .frame { stroke: #3a4048 }
+.mechanism .ink, .mechanism .solid { stroke: #e7e9ec }
+.mechanism .solid { fill: #e7e9ec }
+.mechanism .faint:not(.line) { fill: #a9b1ba }
+.mechanism :is(.line, .both) { stroke: #a9b1ba }
+.mechanism .axis { stroke: #ff8a80 }
+.mechanism .halo { stroke: #15171b }
+}"""
+"""Style of a picture on a dark ground; words are never in the colours of bodies."""
+
+
 @dataclass(frozen=True, eq=False)
 class Projection:
     """A view: directions to the right and upward (rows), and the place on the sheet."""
@@ -106,6 +120,7 @@ def drawn(figure: Figure3D, pairs: Sequence[Sequence[str]], title: str) -> str:
         .get_template("picture.svg.j2")
         .render(
             title=title,
+            dark=DARK,
             panels=panels,
             joints=names,
             bodies=bodies,

@@ -49,10 +49,7 @@ def motion_figure(curves: CurveSet, along: dict[str, Any] | None, engines: Seque
         place = {"xref": "paper", "x": 0, "xanchor": "left", "yref": "paper", "y": top, "yanchor": "top"}
         layout["annotations"].append({"text": title, "showarrow": False, **place})
         traces += _lines(curves, own, f"y{axis}")
-        units = [name.unit == curves.names[own[0]].unit for name in curves.names]
-        traces += _markers(
-            along or {}, panel, f"y{axis}", engines, FLOOR * float(np.max(np.abs(curves.values[:, units])))
-        )
+        traces += _markers(along or {}, panel, f"y{axis}", engines, FLOOR * float(np.max(np.abs(curves.values))))
     if curves.panels > count:
         layout["xaxis"]["title"] = {"text": f"time in s; the first {count} of {curves.panels} panels"}
     named = set[str]()
@@ -101,7 +98,7 @@ def drift(along: dict[str, Any], engines: list[str]) -> Figure:
     """Draw the largest violation of a joint constraint over time, a colour for each engine."""
     traces = [
         {
-            "x": along["times"],
+            "x": along["drift_times"] or along["times"],
             "y": [v or None for v in series["drift"]],
             "name": escape(engine),
             "mode": "lines",

@@ -23,8 +23,8 @@ from consilience.report.replayschema import FORMAT
 from consilience.report.scene import scene
 from consilience.report.selection import grouped
 
-PLOTTED = 31
-"""Largest number of samples in a plot of reactions."""
+PLOTTED, DRIFTING = 31, 301
+"""Largest number of samples in a plot of reactions, and of the violation of the joints."""
 
 Replay = dict[str, Any]
 """Data of a case: `scene`, `seed`, `motion` or None, `along` (values over time on all engines) or None, `curves`."""
@@ -100,7 +100,7 @@ def _motion(shown: dict[str, tuple[TrajectoryAnswer, str]]) -> Replay:
 def _along(mechanism: Mechanism, shown: dict[str, tuple[TrajectoryAnswer, str]]) -> Replay | None:
     """Compute the violation of the joints over time on all engines, and reactions where states determine them."""
     reference, _ = shown[REFERENCE]
-    samples = np.arange(0, len(reference.time), max(1, -(-(len(reference.time) - 1) // (PLOTTED - 1))))
+    samples, drifting = (_spread(len(reference.time), most) for most in (PLOTTED, DRIFTING))
     alike = {e: answer for e, (answer, _) in shown.items() if np.array_equal(answer.time, reference.time)}
     if not any(joint.rows for joint in mechanism.joints):
         return None
@@ -108,16 +108,22 @@ def _along(mechanism: Mechanism, shown: dict[str, tuple[TrajectoryAnswer, str]])
     known = [j for j in range(len(mechanism.joints)) if found and np.isfinite(found[REFERENCE][:, j, 0]).any()]
     return {
         "times": [float(f"{t:.6g}") for t in reference.time[samples]],
+        "drift_times": [float(f"{t:.6g}") for t in reference.time[drifting]],
         "joints": [mechanism.joints[j].name for j in known],
         "engines": {
             e: {
                 "force": [_plain(found[e][:, j, 0]) for j in known],
                 "torque": [_plain(found[e][:, j, 1]) for j in known],
-                "drift": _plain(drift_over_time(mechanism, answer, samples)),
+                "drift": _plain(drift_over_time(mechanism, answer, drifting)),
             }
             for e, answer in alike.items()
         },
     }
+
+
+def _spread(count: int, most: int) -> Array:
+    """Choose evenly spread samples, the first included."""
+    return np.arange(0, count, max(1, -(-(count - 1) // (most - 1))))
 
 
 def _plain(values: Array) -> list[float | None]:

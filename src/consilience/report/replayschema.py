@@ -123,17 +123,22 @@ class ReplayCurves(StrictModel):
     """Values over time along the motions of all engines."""
 
     times: list[_Number]
+    drift_times: list[_Number] = Field(default_factory=list)
+    """Times of the violation; absent in earlier files, where they are `times`."""
+
     joints: list[NameField]
     engines: dict[NameField, ReplaySeries]
 
     @model_validator(mode="after")
     def _as_many(self) -> ReplayCurves:
         for one in self.engines.values():
-            rows = [*one.force, *one.torque, one.drift]
+            rows = [*one.force, *one.torque, *([] if self.drift_times else [one.drift])]
             if len(one.force) != len(self.joints) or len(one.torque) != len(self.joints):
                 raise ValueError("values are not of as many joints")
             if any(len(row) != len(self.times) for row in rows):
                 raise ValueError("values are not as many as times")
+            if self.drift_times and len(one.drift) != len(self.drift_times):
+                raise ValueError("violations are not as many as their times")
         return self
 
 
