@@ -76,6 +76,12 @@ edition name:
     {{ bin }}/python -c "import datetime, consilience.case.editions as e; print(e.edition_text('{{ name }}', datetime.date.today()), end='')" > build/edition.toml
     mv build/edition.toml cases/edition-{{ name }}.toml
 
+# draw the pictures of the README anew
+pictures:
+    {{ bin }}/consilience run --tag tour -o build/tour || [ $? -ne 2 ]
+    {{ bin }}/python docs/draw_report.py build/tour
+    {{ bin }}/python docs/draw_motion.py
+
 # compile the kernels that the tests use
 kernels:
     {{ bin }}/python tests/kernels.py

@@ -127,6 +127,6 @@ def api() -> dict[str, str]:
         )
         pages[f"api/{name}.md"] = f"# {title}\n{text}"
     toc = "\n".join(["```{toctree}", ":maxdepth: 1", "", *(name for name, _ in API.values()), "```", ""])
-    about = "From the docstrings. By name and signature: [api.md](../../api.md)."
+    about = "From the docstrings. By name and signature: [The reference solver as a library](../../api.md)."
     pages["api/index.md"] = f"# API reference\n\n{about}\n\n{toc}"
     return pages
