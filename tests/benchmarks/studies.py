@@ -8,7 +8,7 @@ Least CPU times of many calls, since other processes share the machine, and thei
 from __future__ import annotations
 
 import timeit
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from time import process_time
 
 import numpy as np
@@ -16,6 +16,10 @@ from tables import Table
 
 import consilience as cs
 import consilience.mechanism as plain
+from consilience.reference.steppers.driver import MotionRequest
+from consilience.reference.steppers.driver import run as integrate
+from consilience.reference.tree.solver import prepare
+from consilience.reference.tree.state import pack_state
 
 NUMBER, ROUNDS = 5, 9
 
@@ -30,10 +34,10 @@ def double_pendulum() -> cs.Case:
     return draw.case(start={"shoulder": 1.2, "elbow": 0.5}, duration=3.0, sample=0.05)
 
 
-def least(call: Callable[[], object], number: int = NUMBER) -> float:
+def least(call: Callable[[], object], number: int = NUMBER, rounds: int = ROUNDS) -> float:
     """Return the least CPU time of a call, s, after one that warms it up."""
     call()
-    return min(timeit.repeat(call, timer=process_time, number=number, repeat=ROUNDS)) / number
+    return min(timeit.repeat(call, timer=process_time, number=number, repeat=rounds)) / number
 
 
 def single(case: cs.Case) -> Table:
@@ -58,6 +62,43 @@ def single(case: cs.Case) -> Table:
     return table
 
 
+SPANS = (1.0, 2.0, 5.0)
+"""Durations of the motions whose parts are timed, s."""
+
+
+def parts(cases: Sequence[cs.Case]) -> Table:
+    """Return the table of what one motion is made of."""
+    about = (
+        "`cs.simulate` to 1e-12, samples every 0.05 s; the bar is 300 us. The integrator alone is asked for the last "
+        "sample; an evaluation is a coefficient of the series, with its share of the projection of the step. The rest "
+        "is Python, checks and conversions, and what their memory costs the kernels."
+    )
+    columns = ("mechanism", "s", "steps", "evaluations", "ns an evaluation", "integrator", "samples", "rest", "in all")
+    table = Table("Parts of one motion", about, columns)
+    for case in cases:
+        for span in SPANS:
+            table.rows.append([case.name, f"{span:g}", *_parts(case.with_span(span, 0.05))])
+    return table
+
+
+def _parts(case: cs.Case) -> list[str]:
+    mechanism, state, times = case.mechanism, case.initial_state, case.times
+    prepared = prepare(mechanism)
+    z, name = pack_state(prepared.links, prepared.packing, state), prepared.default_integrators[0]
+    arrays = prepared.working(name)
+
+    def kernels(samples: plain.Array) -> float:
+        motion = np.empty((len(samples), *arrays.system.tree.y.shape))
+        asked = MotionRequest(z, samples, 1e-12, prepared.longest)
+        return least(lambda: integrate(arrays.integration, asked, motion, True), rounds=50)
+
+    whole = least(lambda: cs.simulate(mechanism, state, times), rounds=50)
+    alone, sampled = kernels(times[[0, -1]]), kernels(times)
+    done = cs.simulate(case).counters
+    each = [done["steps"], done["evaluations"], f"{1e9 * alone / done['evaluations']:.0f}"]
+    return [*map(str, each), *(f"{1e6 * s:.0f} us" for s in (alone, sampled - alone, whole - sampled, whole))]
+
+
 def many(case: cs.Case, sets: int) -> Table:
     """Return the table of studies."""
     rng = np.random.default_rng(1)
@@ -80,6 +121,8 @@ def many(case: cs.Case, sets: int) -> Table:
 def run(short: bool) -> Iterator[Table]:
     """Yield the tables of the page."""
     case = double_pendulum()
-    for one in (case, cs.load_case("four_bar")):
+    four_bar = cs.load_case("four_bar")
+    for one in (case, four_bar):
         yield single(one)
+    yield parts((case, four_bar))
     yield many(case, 50 if short else 1000)
