@@ -161,8 +161,8 @@ class Simulation(TrajectoryAnswer):
 
     def animate(self) -> ReplayPage:
         """Return a page with the mechanism in motion."""
-        name = self.mechanism.name
-        return ReplayPage(render_replay(name, name, replay_of_motion(self.mechanism, self.state(0), self)))
+        name, title = self.mechanism.name, f"{self.time[0]:g} to {self.time[-1]:g} s"
+        return ReplayPage(render_replay(name, title, replay_of_motion(self.mechanism, self.state(0), self)))
 
     def to_xarray(self) -> xarray.Dataset:
         """Return poses and velocities as a dataset with units (`consilience.report.dataframes`)."""
