@@ -24,7 +24,10 @@ In space with loops, with elements, as a plain tree; in a plane with loops and w
 BODY = "single_revolute"
 """Mechanism for formulations in body coordinates: the types are the same for all mechanisms."""
 
-SETS = (*TYPES, "body coordinates", "recursive")
+TOUCHING = ("bouncing_sphere", "ball_in_corner-stays", "ball_rolls")
+"""Cases with contact: a motion through impacts, and forces that are chosen among many."""
+
+SETS = ("contact", *TYPES, "states", "body coordinates", "recursive")
 
 
 def _motions(mechanism):
@@ -58,13 +61,42 @@ def _body_coordinates(mechanism, names):
         simulate(mechanism, state, [0.0, 1e-3], 1e-9, name)
 
 
+def _contact(names):
+    """Run motions with contact, and choose forces at their start."""
+    from consilience.case import load_case
+    from consilience.engine import Question, load_engine
+
+    reference = load_engine("reference")
+    for name in names:
+        case = load_case(name)
+        mechanism, state = case.mechanism, case.initial_state
+        reference.instant(mechanism, [state], reference.methods(mechanism, Question.INSTANT)[0])
+        method = reference.methods(mechanism, Question.TRAJECTORY)[0]
+        reference.trajectory(mechanism, state, case.times[:3], method, 1e-9)
+
+
+def _states(names):
+    """Assemble states, and compute accelerations, reactions and energies there."""
+    import consilience as cs
+    from mechanisms import LOOPS, TREES
+
+    for name in names:
+        mechanism = (TREES | LOOPS)[name]
+        state = cs.initial_state(mechanism)
+        cs.accelerations(mechanism, state)
+
+
 def compile_set(name):
     """Compile one set of kernels."""
     from consilience.reference.formulations.body_velocities import KERNELS, TREE_KERNELS
     from flat import PLANAR
     from mechanisms import LOOPS, TREES
 
-    if name == "body coordinates":
+    if name == "contact":
+        _contact(TOUCHING)
+    elif name == "states":
+        _states(("loop_universal", "single_revolute"))
+    elif name == "body coordinates":
         _body_coordinates(TREES[BODY], KERNELS)
     elif name == "recursive":
         _body_coordinates(TREES[BODY], TREE_KERNELS)
