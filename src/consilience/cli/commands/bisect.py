@@ -55,7 +55,7 @@ def bisect(
     case: AnyCaseName,
     engine: Annotated[str, typer.Option("-e", "--engine", metavar="ENGINE@FIRST..LAST", help="Range of versions.")],
     question: QuestionNames = None,
-    quick: Annotated[bool, typer.Option("--quick", help="AskVersion as `run --quick` does.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Ask as `run --quick` does.")] = False,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Folder for the report of each version tried.")
     ] = None,
