@@ -80,6 +80,10 @@ def test_held_coordinates_and_rates_reach_the_state(write):
 
 INVALID = {
     "unknown field": (changed("mass = 2.0", "mass = 2.0\ncolour = 3"), ["body 'door'.colour", "unknown field"]),
+    "unknown field beside a bad one": (
+        GOOD + "\n[trajectory]\nduration = -1.0\nlength = 2.0\n",
+        ["trajectory.duration", "1 more problem"],
+    ),
     "unknown table": (GOOD + "\n[solver]\nstep = 1\n", ["solver", "unknown field"]),
     "malformed TOML": (changed("mass = 2.0", "mass = "), ["not valid TOML", "line 8"]),
     "no body": (GOOD[: GOOD.index("[[body]]")] + GOOD[GOOD.index("[[joint]]") :], ["body", "the field is missing"]),

@@ -99,7 +99,7 @@ def _problem(raw: Mapping[str, Any], found: Any) -> InvalidInput:
 def _without(raw: Mapping[str, Any], found: Iterable[Any]) -> dict[str, Any]:
     """Copy the tables without unknown fields, and without the entries and top-level fields that are invalid."""
     kept, spoilt = deepcopy(dict(raw)), dict[str, set[int]]()
-    for one in found:
+    for one in sorted(found, key=lambda one: one["type"] != "extra_forbidden"):  # before tables that hold them go
         top, *inner = one["loc"]
         if one["type"] == "extra_forbidden" and len(inner) <= 2:
             holder = kept
