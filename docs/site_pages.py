@@ -16,6 +16,10 @@ OFFERS = ("reference", "reference.analyses", "reference.contact")
 """Packages whose names come from their modules."""
 
 API: dict[str, tuple[str, tuple[str, ...]]] = {
+    "Library": (
+        "library",
+        ("", "case.drawing", "mechanism.solids", "report.simulation", "report.study", "report.agreement"),
+    ),
     "Mechanisms": (
         "mechanisms",
         tuple(f"mechanism.{name}" for name in ("model", "elements", "contacts", "functions", "joints", "assembly")),
@@ -121,12 +125,13 @@ def api() -> dict[str, str]:
     pages = {}
     for title, (name, modules) in API.items():
         text = "".join(
-            f"\n## consilience.{module}\n\n```{{eval-rst}}\n.. automodule:: consilience.{module}\n"
+            f"\n## {path}\n\n```{{eval-rst}}\n.. automodule:: {path}\n"
             f"   :members:\n{'   :imported-members:' if module in OFFERS else ''}\n```\n"
             for module in modules
+            for path in [f"consilience.{module}".rstrip(".")]
         )
         pages[f"api/{name}.md"] = f"# {title}\n{text}"
     toc = "\n".join(["```{toctree}", ":maxdepth: 1", "", *(name for name, _ in API.values()), "```", ""])
-    about = "From the docstrings. By name and signature: [The reference solver as a library](../../api.md)."
+    about = "From the docstrings. By name and signature: [Names of the library](../../api.md)."
     pages["api/index.md"] = f"# API reference\n\n{about}\n\n{toc}"
     return pages

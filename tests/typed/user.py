@@ -43,7 +43,24 @@ def answers(case: cs.Case, folder: Path) -> dict[str, float]:
     }
 
 
-def compared(case: cs.Case, folder: Path) -> str:
+def shown(case: cs.Case, folder: Path) -> list[Path]:
+    """Files of a motion: its plot and its replay."""
+    motion = cs.simulate(case)
+    motion.plot("pin", what="reactions").savefig(folder / "plot.svg")
+    total: NDArray[np.float64] = motion.energy()["total"] + 0.0 * motion.reactions("pin")[:, 0]
+    return [folder / "plot.svg", motion.animate().save(folder / f"{len(total)}.html")]
+
+
+def driven(folder: Path) -> cs.Mechanism:
+    """A rod on a driven joint with frames of its own, saved and read again."""
+    draw = cs.Drawing("driven", gravity=(0, 0, -9.81))
+    draw.body("rod", mass=1.0, inertia=(0.1, 0.1, 0.01), at=cs.frame((0, 0, 0), (1, 0, 0, 0)))
+    draw.joint("pin", "revolute", "ground", "rod", F=cs.frame((0, 0, 0)), M=cs.frame((0.1, 0, 0), np.eye(3)))
+    draw.add("drive", "motor", joint="pin", coordinate="angle", motion=cs.sine(0.5, 4.0))
+    return cs.load_case(draw.mechanism().save(folder / "driven.toml")).mechanism
+
+
+def compared(case: cs.Case | cs.Mechanism | cs.Drawing, folder: Path) -> str:
     """The table of a comparison."""
     agreement: cs.Agreement = cs.compare(case, ["reference"], [cs.Question.MODEL])
     agreement.save(folder / "report")

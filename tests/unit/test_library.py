@@ -353,4 +353,6 @@ def test_the_script_that_mypy_checks_runs(tmp_path):
     assert found["acceleration"] == pytest.approx(-9.81 * 0.5 * np.sin(0.3) / inertia, rel=1e-12)
     assert found["angle"] == pytest.approx(found["of a state"], abs=1e-7)
     assert (found["bodies of a file"], found["failures"]) == (1.0, 0.0)
-    assert "pendulum" in script["compared"](case, tmp_path)
+    assert all(path.is_file() for path in script["shown"](case, tmp_path))
+    assert script["driven"](tmp_path).drives[0].motion.at(0.0)[1] == pytest.approx(2.0)
+    assert "pendulum" in script["compared"](case.mechanism, tmp_path)
