@@ -34,24 +34,27 @@ CHECKS = (
     checks.plots,
     checks.replay,
     checks.copying,
+    checks.printing,
     checks.keyboard,
 )
 
 
-def pages(view):
+def pages(view, joint):
     """One page of each kind, by the name of its screenshot."""
     worst = view.remarkable[0][0] if view.remarkable else view.cells[0]
     moving = next((c for c in view.cells if c.figures), view.cells[0])
     found = {"matrix": "", "filtered": "#?verdict=agrees", "cell": f"#{moving.anchor}", "worst": f"#{worst.anchor}"}
     found |= {"case": f"#{view.cases[0].anchor}", "engine": f"#{view.engines[0].anchor}"}
-    return found | {name: f"#{name}" for name in ("findings", "defaults", "orders", "softness", "about")}
+    found["joint"] = joint
+    return found | {name: f"#{name}" for name in ("findings", "choice", "defaults", "orders", "softness", "about")}
 
 
 def accessible(window, report, view):
     """Check accessibility of every kind of page in light, dark and narrow windows."""
     for scheme, width in (("light", 1280), ("dark", 1280), ("light", NARROW)):
         opened = window(report, width, 900, scheme)
-        for name, fragment in pages(view).items():
+        joint = opened.joint(view)
+        for name, fragment in pages(view, joint).items():
             opened.go(fragment)
             opened.plots_drawn()
             opened.page.evaluate("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
@@ -68,9 +71,10 @@ def screenshots(window, report, view, folder):
     folder.mkdir(parents=True, exist_ok=True)
     for kind, width, scheme in WINDOWS:
         opened = window(report, width, 900, scheme)
+        joint = opened.joint(view)
         if kind == "print":
             opened.page.emulate_media(media="print")
-        for name, fragment in pages(view).items():
+        for name, fragment in pages(view, joint).items():
             opened.go(fragment)
             opened.plots_drawn()
             opened.page.wait_for_timeout(700)

@@ -222,6 +222,47 @@ def turning(opened, view, told):
     told(f"{len(view.rows[:FURTHER])} cases and cells in a row")
 
 
+PAPER = 718
+"""Width of a sheet of A4 between margins of 10 mm, px."""
+
+CUT = """() => [...document.querySelectorAll('body *')].filter((e) => {
+  const box = e.getBoundingClientRect(), style = getComputedStyle(e);
+  if (!box.width || !box.height || e.closest('.hidden, .skip, svg, .modebar')) return false;
+  const hides = style.overflowX !== 'visible' && e.scrollWidth > e.clientWidth + 1;
+  return hides || box.right > window.innerWidth + 1;
+}).map((e) => `${e.tagName.toLowerCase()}.${e.className}: ${e.textContent.trim().slice(0, 60)}`)"""
+"""Elements that a sheet of paper cuts off, or that hide a part of themselves."""
+
+
+def printing(opened, view, told):
+    """Printed, nothing is cut off, and all parts that a reader can unfold are open."""
+    page, shown = opened.page, 0
+    page.set_viewport_size({"width": PAPER, "height": 1000})
+    moving = next((c for c in view.cells if c.figures), view.cells[0])
+    joint = opened.joint(view)[1:]
+    for anchor in (
+        "",
+        moving.anchor,
+        view.cases[0].anchor,
+        view.engines[0].anchor,
+        "findings",
+        "choice",
+        "about",
+        joint,
+    ):
+        opened.go(f"#{anchor}" if anchor else "")
+        opened.plots_drawn()
+        page.emulate_media(media="print")
+        page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+        page.wait_for_timeout(400)
+        shown += 1
+        yield from (f"#{anchor}: cut: {text}" for text in page.evaluate(CUT)[:5])
+        if page.locator("#page details:not([open])").count():
+            yield f"#{anchor}: a part stays folded"
+        page.emulate_media(media="screen")
+    told(f"{shown} pages at {PAPER} px")
+
+
 def keyboard(opened, view, told):
     """Arrow keys move in the matrix, Enter opens a cell, Escape returns to the same cell; Tab reaches all filters."""
     page = opened.go()

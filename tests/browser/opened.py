@@ -65,6 +65,12 @@ class Opened:
         self.page.evaluate("(to) => { location.hash = to; }", fragment)
         self.page.wait_for_selector(heading)
 
+    def joint(self, view):
+        """Fragment of the page of a joint, from the page of the first case that moves; without one, that of the run."""
+        moving = next((c.case for c in view.cells if c.figures), view.cases[0].name)
+        self.go(f"#{next(c.anchor for c in view.cases if c.name == moving)}")
+        return self.page.evaluate("document.querySelector('#page a[href^=\"#joint.\"]')?.hash") or "#about"
+
     def rows(self):
         """Cases that the matrix shows."""
         return self.page.eval_on_selector_all(

@@ -21,6 +21,16 @@ def ran():
     )
 
 
+def test_elements_that_are_refused_for_one_reason_are_one_feature():
+    refused = [
+        comparison(case, "alpha", "model", Verdict.UNSUPPORTED, why=f"contact '{name}': no contacts")
+        for case, name in (("one", "floor"), ("two", "wall"))
+    ]
+    record = record_of(refused, engines=("alpha",))
+    (row,) = choice_view(record, page(record).engines).missing
+    assert (row.reason, row.count) == ("contact: no contacts", 2)
+
+
 @pytest.mark.parametrize(
     ("tags", "name"),
     [(["loop", "stiff"], "stiff"), (["loop", "contact"], "contact"), (["loop"], "loop"), (["chain"], "tree")],

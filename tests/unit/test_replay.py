@@ -22,7 +22,7 @@ from consilience.report.engines import known_findings
 from consilience.report.figure3d import figure_of
 from consilience.report.html import fragments, render_html, render_replay
 from consilience.report.motion import FINE, FRAMES, FULL, chosen_samples, encoded_difference, encoded_poses
-from consilience.report.plots_replay import drift
+from consilience.report.plots_replay import drift, replay_figures
 from consilience.report.reactions import can_be_told, drift_over_time, reactions, reactions_over_time
 from consilience.report.record import Record, lines
 from consilience.report.replay import motion_alone, replay_of, replays
@@ -106,8 +106,9 @@ def test_everything_drawn_is_fixed_to_the_body_that_carries_it(name):
         assert all(np.allclose(a, b, atol=1e-5 * size) for a, b in zip(ours, theirs, strict=True))
 
 
-def pendulum():
-    case = load_case("simple_pendulum-large")
+def pendulum(name="simple_pendulum-large"):
+    """Return a case at rest in its initial pose, with two samples."""
+    case = load_case(name)
     mechanism, state = case.mechanism, case.initial_state
     still = np.zeros((2, *state.p_WB.shape))
     quats = np.array([state.quat_WB] * 2)
@@ -250,6 +251,24 @@ def test_replays_come_back_and_are_packed_into_the_page(folder):
     text = render_html(Record(header, [described], [], [], [], {"exit_code": 0}), found)
     assert 'id="replays"' in text
     assert read_replay(folder / "elsewhere") == {}
+
+
+def test_a_joint_has_a_page_of_its_coordinates_rates_and_reactions():
+    case, _, _, answer = pendulum("double_pendulum")
+    replays_ = {case.name: replay_of(case, runs_of(case, answer))}
+    header, described, *_ = lines(Results([case], [], engines={"e": EngineInfo("e", "1", "1")}), 0.0)
+    record = Record(header, [described], [], [], [], {"exit_code": 0})
+    drawings, joint = replay_figures(record, replays_), case.mechanism.joints[0].name
+    place = f"joint.{case.name}.{joint}"
+    pages = dict(fragments(page(record), replays_, set(drawings)))
+    assert f'href="#{place}"' in pages[f"case.{case.name}"]
+    assert f'data-figure="{place}"' in pages[place]
+    layout = drawings[place]["layout"]
+    assert [a["text"] for a in layout["annotations"]] == ["angle", "rate of angle", "reaction force", "reaction torque"]
+    units = [layout[axis]["title"]["text"] for axis in ("yaxis", "yaxis2", "yaxis3", "yaxis4")]
+    assert units == ["rad", "rad/s", "N", "N m"]
+    (angle,) = [t for t in drawings[place]["data"] if t["yaxis"] == "y"]
+    assert angle["y"] == drawings[f"coordinates.{case.name}"]["data"][0]["y"]
 
 
 def test_a_case_called_engine_does_not_hide_the_page_of_an_engine():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -14,11 +15,15 @@ from consilience.report.defaults import own_digits
 from consilience.report.engines import EngineView
 from consilience.report.figure import COLOURS, MARKERS, Figure, log_axis
 from consilience.report.record import Record
-from consilience.report.selection import is_matched
+from consilience.report.selection import grouped, is_matched
 from consilience.report.wording import DASH, anchor, digits_text, number
 
 CLASSES = (("contact", "contact"), ("stiff", "stiff"), ("loop", "loop"), ("tree", ""))
 """Classes of mechanisms, and the tag of their cases; the first that holds, and `tree` without any."""
+
+
+NAMED = re.compile(r" '[^']*'(?=:)")
+"""Name of an element before the reason for which it is refused."""
 
 
 @dataclass(frozen=True)
@@ -56,12 +61,13 @@ def class_of(case: dict[str, Any]) -> str:
 
 def choice_view(record: Record, engines: Sequence[EngineView]) -> Choice:
     """Make the view of all motions and refusals of a record."""
-    missing = [
-        MissingFeature(engine.name, engine.anchor, group.text, len(group.cells))
+    refused = grouped(
+        ((engine.name, engine.anchor, NAMED.sub("", group.text)), len(group.cells))
         for engine in engines
         for group in engine.unsupported
-    ]
-    return Choice(tuple(_rows(record)), tuple(missing))
+    )
+    missing = tuple(MissingFeature(*told, sum(counts)) for told, counts in refused.items())
+    return Choice(tuple(_rows(record)), missing)
 
 
 def _motions(record: Record, engine: str, matched: bool) -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:

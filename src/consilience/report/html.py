@@ -108,10 +108,14 @@ def fragments(view: Page, replays: Replays, drawings: set[str]) -> Iterator[tupl
         replay = replays.get(case.name)
         about: dict[str, Any] = {"moving": replay is not None, "captions": CAPTIONS}
         plots = _places(OF_CASE, drawings, case.name)
+        joints = [(j, place) for j in case.line["joints"] if (place := anchor("joint", case.name, j[0])) in drawings]
+        about["joint_pages"] = {joint[0]: place for joint, place in joints}
         yield (
             case.anchor,
             case_page.render(c=case, drawing=_drawing(case.name, case.title, replay), plots=plots, **about),
         )
+        for joint, place in joints:
+            yield place, get("joint.html.j2").render(c=case, joint=joint, place=place, **about)
         for cell in case.cells:
             shown_plots = _cell_plots(cell, drawings)
             own = engines.get(cell.engine)

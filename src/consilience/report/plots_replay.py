@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from html import escape
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,22 +26,56 @@ def replay_figures(record: Record, replays: Mapping[str, dict[str, Any]]) -> dic
     for case in record.cases:
         replay = replays.get(case["name"]) or {}
         along = replay.get("along")
-        for curves in map(CurveSet.of, replay.get("curves", [])):
+        sets = [CurveSet.of(one) for one in replay.get("curves", [])]
+        for curves in sets:
             found[anchor(curves.what, case["name"])] = motion_figure(curves, along, engines)
+        for joint, _, _, _ in case["joints"]:
+            panels = joint_panels(sets, joint)
+            if panels:
+                found[anchor("joint", case["name"], joint)] = _stacked(panels, along, engines)
         if along:
             found[anchor("drift", case["name"])] = drift(along, engines)
     return found
 
 
+class Panel(NamedTuple):
+    """A panel of a figure: curves, their name among the panels of the curves, and the title that is shown."""
+
+    curves: CurveSet
+    name: str
+    title: str
+
+
 def motion_figure(curves: CurveSet, along: dict[str, Any] | None, engines: Sequence[str]) -> Figure:
     """Draw curves of the reference in panels above one another, and reactions on the engines as markers upon them."""
-    panels, marks = curves.by_panel(), curves.marks
+    found = _stacked([Panel(curves, panel, panel) for panel in curves.by_panel()], along, engines)
+    count = len(curves.by_panel())
+    if curves.panels > count:
+        found["layout"]["xaxis"]["title"] = {"text": f"time in s; the first {count} of {curves.panels} panels"}
+    return found
+
+
+def joint_panels(sets: Sequence[CurveSet], joint: str) -> list[Panel]:
+    """List the panels of one joint: coordinates, rates, reactions."""
+    words = {"coordinates": "{}", "rates": "rate of {}", "reactions": "reaction {}"}
+    return [
+        Panel(curves, panel, words[curves.what].format(panel.rpartition(": ")[2]))
+        for curves in sets
+        if curves.what in words
+        for panel in curves.by_panel()
+        if panel.rpartition(": ")[0] == joint
+    ]
+
+
+def _stacked(panels: Sequence[Panel], along: dict[str, Any] | None, engines: Sequence[str]) -> Figure:
+    """Draw panels above one another, with a legend for all."""
     count, traces = len(panels), list[Figure]()
     layout: Figure = {"height": 90 + 130 * count, "shapes": [], "annotations": []}
     layout["xaxis"] = {**TIME, "anchor": f"y{count}" if count > 1 else "y"}
-    for k, (panel, own) in enumerate(panels.items()):
+    for k, (curves, panel, words) in enumerate(panels):
+        own, marks = curves.by_panel()[panel], curves.marks
         axis, top = "" if k == 0 else str(k + 1), 1.0 - k / count
-        title = escape(panel) + (f" ({marks[panel]})" if panel in marks else "")
+        title = escape(words) + (f" ({marks[panel]})" if panel in marks else "")
         layout[f"yaxis{axis}"] = {
             "domain": [top - 0.76 / count, top - 0.2 / count],
             "title": {"text": curves.names[own[0]].unit},
@@ -50,8 +84,6 @@ def motion_figure(curves: CurveSet, along: dict[str, Any] | None, engines: Seque
         layout["annotations"].append({"text": title, "showarrow": False, **place})
         traces += _lines(curves, own, f"y{axis}")
         traces += _markers(along or {}, panel, f"y{axis}", engines, FLOOR * float(np.max(np.abs(curves.values))))
-    if curves.panels > count:
-        layout["xaxis"]["title"] = {"text": f"time in s; the first {count} of {curves.panels} panels"}
     named = set[str]()
     for trace in traces:  # an entry of the legend for each name
         trace["showlegend"] = trace["name"] not in named

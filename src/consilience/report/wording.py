@@ -243,6 +243,8 @@ CAPTIONS: dict[str, str] = {
     "reactions": "Reaction forces and torques over time, on the successor, the torque about the origin of M: the line "
     "by the reference, sampled as the coordinates; markers, a colour an engine, recomputed at samples of the motion of "
     "each engine by the same dense solution. Components that equilibrium does not determine are left out.",
+    "joint": "Coordinates and rates of the joint over time by the reference, and its reactions on the successor, the "
+    "torque about the origin of M: the line by the reference; markers, a colour an engine, at samples of its motion.",
     "drift": "Largest violation of a joint's constraints over time, from the motion of each engine by the same code.",
     "horizon": "How far the motion can be judged: one rounding error, committed at the start, grows along the "
     "reference as shown, the largest over a few directions. Where it reaches the digits asked lies the horizon; what "
@@ -344,7 +346,7 @@ def counted(count: int, noun: str) -> str:
 
 _KINDS = (
     *("case", "horizon", "work", "steps", "coordinates", "rates", "positions", "velocities", "energies"),
-    *("reactions", "drift", "cell"),
+    *("reactions", "joint", "drift", "cell"),
 )
 """First names of identifiers that belong to a case: its page and figures."""
 
