@@ -16,7 +16,7 @@ from consilience.compare.motion import size_of_motion
 from consilience.compare.power import MotionSensitivity
 from consilience.compare.reference_motion import OtherLaw
 from consilience.compare.softness import SCALES
-from consilience.engine import Method, Profile, Question, Route, Run, Status, TrajectoryAnswer
+from consilience.engine import EVENT_KINDS, Method, Profile, Question, Route, Run, Status, TrajectoryAnswer
 from consilience.mechanism import quaternion_from_rotation_vector
 from mechanisms import chain
 
@@ -65,7 +65,7 @@ class Situation:
     effect: float | None = None
     mass_effect: float | None = None
     singular: int | None = None
-    impacts: bool = False
+    event: str = ""
     other: str = ""
     velocity: float = 1.0
     velocity_slope: float = 0.0
@@ -88,8 +88,10 @@ class Situation:
         )
         spread = np.full(len(TIMES), self.spread)
         true = (
-            replace(TRUE, event_time=HIT, event_kind=np.array([0]), event_contact=np.array([0]))
-            if self.impacts
+            replace(
+                TRUE, event_time=HIT, event_kind=np.array([EVENT_KINDS.index(self.event)]), event_contact=np.array([0])
+            )
+            if self.event
             else TRUE
         )
         law = OtherLaw(self.other, "another law", motion(SIZE * OTHER * SHAPE)) if self.other else None
@@ -122,7 +124,7 @@ U, M = Verdict.UNRESOLVED, Verdict.MODEL
 DEFAULT = Profile.DEFAULT
 
 HIT = np.array([0.5])
-"""Time of an impact, s."""
+"""Time of an event, s."""
 
 OTHER = 0.01
 """Difference of the motion under another law of contact, over `SHAPE`."""
@@ -184,13 +186,17 @@ SITUATIONS = (
     Situation("two levels, order against the reference", lambda h, s: 5.0 * h**2, D, "steps", steps=(0.02, 0.01)),
     Situation("order 1 at the defaults", lambda h, s: 3.0 * h, D, "steps", order=1, profile=DEFAULT),
     # ---------------------------------------------------------------- contact
-    Situation("impacts at random phases", phase(0.2), D, "impacts within steps", order=1, impacts=True),
-    Situation("impacts, order by chance", lambda h, s: 0.3 * h, D, "impacts within steps", order=1, impacts=True),
-    Situation("impacts late on every grid", lambda h, s: 1e-3, D, "impacts within steps", order=1, impacts=True),
+    Situation("impacts at random phases", phase(0.2), D, "impacts within steps", order=1, event="impact"),
+    Situation("impacts, order by chance", lambda h, s: 0.3 * h, D, "impacts within steps", order=1, event="impact"),
+    Situation("impacts late on every grid", lambda h, s: 1e-3, D, "impacts within steps", order=1, event="impact"),
     Situation(
-        "impacts, another restitution", lambda h, s: 0.05 + phase(0.2)(h, s), M, "impacts elsewhere", impacts=True
+        "impacts, another restitution", lambda h, s: 0.05 + phase(0.2)(h, s), M, "impacts elsewhere", event="impact"
     ),
-    Situation("impacts that scatter", noise(0.05), U, "impacts unclear", order=1, impacts=True),
+    Situation(
+        "a stop within a step, extrapolated", lambda h, s: 0.3 * h**2, D, "modes within steps", order=4, event="sticks"
+    ),
+    Situation("a stop within a step, too far", lambda h, s: 1e-3 + 0.3 * h**4, M, "elsewhere", order=4, event="sticks"),
+    Situation("impacts that scatter", noise(0.05), U, "impacts unclear", order=1, event="impact"),
     Situation("a pyramid for the cone", lambda h, s: OTHER + 0.02 * h, M, "cone shape", order=1, other="cone shape"),
     Situation(
         "a pyramid, different at an instant already",

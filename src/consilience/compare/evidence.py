@@ -81,6 +81,9 @@ class Evidence:
         Largest displacement by impacts that come up to a step early or late: twice the largest rate of the motion times
         the finest step and the number of impacts. Levels of halved steps share their grid, so that an envelope alone
         may be blind to the phase.
+    jumps : float
+        Largest displacement by jumps of the acceleration, where contacts or frictions change their mode, a step early
+        or late; of an order that does not follow from levels of smooth motions.
     untried : bool
         Whether the engine has a softness that was not varied.
     law, law_cause : str
@@ -123,6 +126,7 @@ class Evidence:
     impacts: bool = False
     envelope: float | None = None
     phase: float = 0.0
+    jumps: float = 0.0
     untried: bool = False
     law: str = ""
     law_cause: str = ""
@@ -152,7 +156,7 @@ class Evidence:
         if not self.asymptotic or self.limit is None or self.band is None or self.saturation > LINEAR:
             return False
         clean = self.order is not None and self.declared is not None and abs(self.order - self.declared) <= CLEAN
-        return self.limit > (1.0 if clean else CAUTIOUS / SAFE) * self.band + self.allowed
+        return self.limit > (1.0 if clean else CAUTIOUS / SAFE) * self.band + self.jumps + self.allowed
 
     @property
     def impact_bound(self) -> float:
@@ -163,6 +167,11 @@ class Evidence:
     def within_phase(self) -> bool:
         """Whether impacts at any phase of a step explain the difference, by levels far from saturation."""
         return self.impacts and self.saturation <= LINEAR and self.finest <= self.impact_bound + self.allowed
+
+    @property
+    def within_jumps(self) -> bool:
+        """Whether changes of mode at any phase of a step explain the difference, by levels far from saturation."""
+        return 0.0 < self.finest - self.allowed <= self.jumps and self.saturation <= LINEAR and not self.impacts
 
     @property
     def beyond_phase(self) -> bool:
@@ -207,6 +216,8 @@ class Evidence:
             return self.largest_limit
         if self.within_phase:
             return self.impact_bound + self.allowed
+        if self.within_jumps:
+            return self.jumps + self.allowed
         return max(self.allowed, EXPLAINED * min(self.finest, SATURATED)) if self.softness_explains else self.allowed
 
     @property
@@ -219,6 +230,7 @@ class Evidence:
             self.finest <= self.allowed
             or self.converges_here
             or self.within_phase
+            or self.within_jumps
             or (not self.earlier and self.softness_explains)
         )
         if not passed or not self.effects:

@@ -71,6 +71,12 @@ class ReferenceMotion:
         return np.zeros(0) if kinds is None or times is None else np.asarray(times)[np.asarray(kinds) == IMPACT]
 
     @property
+    def mode_changes(self) -> Array:
+        """Times of the other events, s: the acceleration jumps where contacts or frictions change their mode."""
+        kinds, times = self.answer.event_kind, self.answer.event_time
+        return np.zeros(0) if kinds is None or times is None else np.asarray(times)[np.asarray(kinds) != IMPACT]
+
+    @property
     def judged(self) -> int:
         """Number of samples before the horizon, and before a singular pose."""
         most = len(self.answer.time) if self.singular is None else self.singular

@@ -162,6 +162,15 @@ RULES: tuple[Rule, ...] = (
     ),
     *(_law_rule(*law) for law in OTHER_LAWS),
     Rule(
+        "modes within steps",
+        Verdict.DISCRETISATION,
+        "contacts or frictions change their mode, and the difference is within what that makes at any phase of a step",
+        lambda e: e.within_jumps,
+        lambda e: (
+            f"differs by {e.finest:.2g}, changes of mode within steps by up to {e.jumps:.2g}: smaller ones lead closer"
+        ),
+    ),
+    Rule(
         "earlier layer",
         Verdict.MODEL,
         "the engine already differs at `model` or `instant`, where nothing is integrated",

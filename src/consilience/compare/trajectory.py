@@ -151,6 +151,7 @@ class _Levels:
             cut=self._cut(),
             impacts=bool(np.any(self.reference_motion.impacts <= time[last])),
             phase=self._phase(float(time[last])),
+            jumps=self._jumps(float(time[last])),
             untried=method is not None and method.softness is not None and not softer,
             envelope=ladder.envelope,
             **self._other_law(),
@@ -200,6 +201,19 @@ class _Levels:
             return 0.0
         rate = max(self.scales.speed / self.scales.size, self.scales.spin)
         return 2.0 * rate * step * float(np.sum(self.reference_motion.impacts <= end))
+
+    def _jumps(self, end: float) -> float:
+        """Return the largest displacement by jumps of the acceleration up to a time that come a step early or late."""
+        step, method = self.steps[-1], self.runs[-1].method
+        changes = np.sum(self.reference_motion.mode_changes <= end)
+        if method is None or not method.substeps or not step or not changes:
+            return 0.0
+        over = np.diff(self.reference.time)[:, None, None]
+        speeds, spins = (np.diff(v, axis=0) / over for v in (self.reference.v_WB_W, self.reference.w_WB_W))
+        rate = max(
+            float(np.max(np.abs(speeds), initial=0.0)) / self.scales.size, float(np.max(np.abs(spins), initial=0.0))
+        )
+        return 2.0 * rate * step**2 * float(changes)
 
     def _other_law(self) -> dict[str, Any]:
         """Return the law of contact that the method solves, and the difference of the finest level to its motion."""
