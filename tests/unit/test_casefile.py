@@ -458,7 +458,7 @@ def test_all_problems_of_a_file_are_found_at_once_each_with_its_line(write):
         "door.toml:32: joint 'latch'": "there is no body 'dor'",
         "door.toml:41: force 'push': body": "there is no body 'sil'",
     }
-    assert "(9 more problems in this file; `consilience validate` tells all.)" in str(caught.value)
+    assert "(9 more problems; `consilience validate`, or `problems` of this error, tells all.)" in str(caught.value)
     assert pickle.loads(pickle.dumps(caught.value)).problems[0].where == caught.value.problems[0].where
 
 

@@ -31,7 +31,8 @@ class InvalidCase(InvalidInput):
     def __init__(self, problems: Iterable[InvalidInput]) -> None:
         self.problems = tuple(problems)
         first, more = self.problems[0], len(self.problems) - 1
-        also = f" ({more} more problem{'s' * (more > 1)} in this file; `consilience validate` tells all.)"
+        where = "`consilience validate`, or `problems` of this error, tells all"
+        also = f" ({more} more problem{'s' * (more > 1)}; {where}.)"
         super().__init__(first.where, first.what, first.remedy + (also if more else ""))
 
     def __reduce__(self) -> tuple[type[InvalidCase], tuple[tuple[InvalidInput, ...]]]:  # type: ignore[override]
