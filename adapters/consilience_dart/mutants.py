@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from consilience.audit.mutate import (
+    CONTACTS,
     FINE,
     FRACTION,
     MOTION,
@@ -128,24 +129,24 @@ def _limits_not_turned(original: Any, magnitude: float, model: Any) -> None:
 
 
 CONTACT_MUTANTS = (
-    Mutant(5, "friction of one partner, DART", "half of the coefficient", FINE[:2], FRACTION, I,
+    Mutant(CONTACTS, "friction of one partner, DART", "half of the coefficient", FINE[:2], FRACTION, I,
            inside(("contacts", "_Pad", _pads(_frictions)))),
-    Mutant(5, "restitution squared, DART", "restitution on both shapes, which DART multiplies", WHOLE, "", T,
+    Mutant(CONTACTS, "restitution squared, DART", "restitution on both shapes, which DART multiplies", WHOLE, "", T,
            inside(("contacts", "_Pad", _pads(_restitution_on_both)))),
-    Mutant(5, "shapes at the origin", "a part of the place of each shape is lost", FINE[:2], FRACTION, I,
+    Mutant(CONTACTS, "shapes at the origin", "a part of the place of each shape is lost", FINE[:2], FRACTION, I,
            inside(("contacts", "_Pad", _shape_off))),
-    Mutant(5, "box for a cone", "DART's default friction", WHOLE, "", T,
+    Mutant(CONTACTS, "box for a cone", "DART's default friction", WHOLE, "", T,
            inside(("engine", "stepper", wrapped(_boxed)))),
-    Mutant(5, "force on the partner, DART", "forces of contacts are those on the other body", FINE[:2], FRACTION, I,
-           inside(("engine", "settle", wrapped(_on_partner)))),
-    Mutant(5, "all pairs collide", "the black list is empty", WHOLE, "", I,
+    Mutant(CONTACTS, "force on the partner, DART", "forces of contacts are those on the other body", FINE[:2],
+           FRACTION, I, inside(("engine", "settle", wrapped(_on_partner)))),
+    Mutant(CONTACTS, "all pairs collide", "the black list is empty", WHOLE, "", I,
            inside(("contacts", "combinations", _no_black_list))),
-    Mutant(5, "margin, DART", "spheres are larger by this", (1e-2, 1e-3), "m", T,
+    Mutant(CONTACTS, "margin, DART", "spheres are larger by this", (1e-2, 1e-3), "m", T,
            inside(("contacts", "INSIDE", lambda original, magnitude: magnitude))),
-    Mutant(5, "limits not turned", "limits of joints passed backwards are at the wrong ends", WHOLE, "", T,
+    Mutant(CONTACTS, "limits not turned", "limits of joints passed backwards are at the wrong ends", WHOLE, "", T,
            inside(("stepping", "set_limits", wrapped(_limits_not_turned)))),
 )  # fmt: skip
-"""Errors of contacts, on mechanisms with contacts; the campaign has none of these."""
+"""Errors in contacts, which `tests/conformance/test_contact_mutants.py` plants, too."""
 
 MUTANTS = (
     Mutant(2, "implicit damping", "the skeleton keeps a time step, over which springs and dampers are implicit",

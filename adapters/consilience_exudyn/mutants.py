@@ -121,4 +121,4 @@ CONTACT_MUTANTS = (
     Mutant(CONTACTS, "Hunt and Crossley's restitution", "impactModel 1", WHOLE, "", T,
            inside(("contacts", "_impact", wrapped(_hunt_crossley)))),
 )  # fmt: skip
-"""Errors in contacts, which `tests/conformance/test_contact_exudyn.py` plants."""
+"""Errors in contacts, which `tests/conformance/test_contact_exudyn.py` plants, too."""

@@ -235,4 +235,4 @@ CONTACT_MUTANTS = (
     Mutant(CONTACTS, "soft friction", "opt.impratio: one over the magnitude", (1.0, 1e-4, 1e-8), "", T,
            _setting("opt.impratio", lambda e: 1.0 / e), methods="RK4"),
 )  # fmt: skip
-"""Errors in contacts, which `tests/conformance/test_contact_mujoco.py` plants."""
+"""Errors in contacts, which `tests/conformance/test_contact_mujoco.py` plants, too."""

@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from consilience.audit.mutate import (
+    CONTACTS,
     FINE,
     FRACTION,
     MOTION,
@@ -136,6 +137,8 @@ def _touch(change: Callable[[Any, float, tuple[Any, ...]], tuple[Any, ...]]) -> 
 
 def _normal_of_body(touch: Any, magnitude: float, found: tuple[Any, ...]) -> tuple[Any, ...]:
     gap, normal, arm = found
+    if not hasattr(touch.law, "normal"):  # two spheres
+        return found
     turned = normal + magnitude * (touch.body.R @ touch.law.normal - normal)
     return gap, turned / np.linalg.norm(turned), arm
 
@@ -167,23 +170,24 @@ def _lifting(original: Any, magnitude: float) -> Any:
 
 
 CONTACT_MUTANTS = (
-    Mutant(5, "friction of one partner, Pinocchio", "half of the coefficient", FINE[:2], FRACTION, I,
+    Mutant(CONTACTS, "friction of one partner, Pinocchio", "half of the coefficient", FINE[:2], FRACTION, I,
            inside(("unilateral", "Circle", wrapped(_frictions)))),
-    Mutant(5, "restitution squared, Pinocchio", "restitution of both partners multiplied", WHOLE, "", T,
+    Mutant(CONTACTS, "restitution squared, Pinocchio", "restitution of both partners multiplied", WHOLE, "", T,
            inside(("moreau", "Start", _restitution_squared))),
-    Mutant(5, "normal of the body", "the normal of a plane turns with the other body", FINE[:2], FRACTION, I,
+    Mutant(CONTACTS, "normal of the body", "the normal of a plane turns with the other body", FINE[:2], FRACTION, I,
            inside(("unilateral", "Touch", _touch(_normal_of_body)))),
-    Mutant(5, "force at the centre", "the force of a contact acts at the centre of its sphere", FINE[:2], FRACTION, I,
-           inside(("unilateral", "Touch", _touch(_at_center)))),
-    Mutant(5, "margin, Pinocchio", "gaps are too small by this", (1e-2, 1e-3), "m", T,
+    Mutant(CONTACTS, "force at the centre", "the force of a contact acts at the centre of its sphere", FINE[:2],
+           FRACTION, I, inside(("unilateral", "Touch", _touch(_at_center)))),
+    Mutant(CONTACTS, "margin, Pinocchio", "gaps are too small by this", (1e-2, 1e-3), "m", T,
            inside(("unilateral", "Touch", _touch(_margin)))),
-    Mutant(5, "no turning of contacts", "rates of the slip at zero accelerations left out", FINE[:2], FRACTION, I,
-           inside(("unilateral", "Touch", _no_bias))),
-    Mutant(5, "force on the partner, Pinocchio", "forces of contacts on the other body", FINE[:2], FRACTION, I,
+    Mutant(CONTACTS, "no turning of contacts", "rates of the slip at zero accelerations left out", FINE[:2], FRACTION,
+           I, inside(("unilateral", "Touch", _no_bias))),
+    Mutant(CONTACTS, "force on the partner, Pinocchio", "forces of contacts on the other body", FINE[:2], FRACTION, I,
            inside(("engine", "settle", wrapped(_on_partner)))),
-    Mutant(5, "cone that lifts", "solve_ncp is false", WHOLE, "", T, inside(("unilateral", "ConeSolver", _lifting))),
+    Mutant(CONTACTS, "cone that lifts", "solve_ncp is false", WHOLE, "", T,
+           inside(("unilateral", "ConeSolver", _lifting))),
 )  # fmt: skip
-"""Errors of contacts, on mechanisms with contacts; the campaign has none of these."""
+"""Errors in contacts, which `tests/conformance/test_contact_mutants.py` plants, too."""
 
 MUTANTS = (
     Mutant(1, "armature, Pinocchio", "Model.armature: this part of the diagonal of the mass matrix", decades(-1, -13),

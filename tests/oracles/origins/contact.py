@@ -419,7 +419,7 @@ ORIGINS = {
         _off_ball: ("ball_off_ball",),
         _pendulum_at_a_stop: ("pendulum_at_a_stop", "pendulum_rests_on_a_stop"),
         _dry_pendulum: ("pendulum_dry_friction",),
-        _between_stops: ("hinge_between_stops",),
+        _between_stops: ("hinge_between_stops", "wheel_caught_by_stop"),
         _dry_spring: ("dry_spring",),
         _bead: ("bead_on_turning_rod-outward", "bead_on_turning_rod-inward"),
         _rocking: ("rocking_block",),

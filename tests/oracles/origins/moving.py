@@ -84,8 +84,9 @@ def sliding(case, joint, distance) -> Moving:
 
 def about_hinge(case, joint):
     """Axis, moment of inertia about the axis, and perpendicular arm of the centre of mass, in the drawing."""
-    body = case.mechanism.bodies[case.mechanism.body_index[joint_of(case, joint).successor]]
-    pin, U = drawn_frame(case.mechanism, joint_of(case, joint))
+    found, at = joint_of(case, joint), case.mechanism.body_index
+    body = case.mechanism.bodies[at[found.successor if found.successor in at else found.predecessor]]
+    pin, U = drawn_frame(case.mechanism, found)
     u, arm = U[:, 2], drawn_com(body) - pin
     across = arm - (arm @ u) * u
     return u, u @ drawn_inertia(body) @ u + body.mass * across @ across, across

@@ -6,8 +6,8 @@ lists what was caught, what was missed, and false alarms. docs/detection.md has 
 """
 
 from consilience.audit.mutate import outputs, preconditions
-from consilience.audit.mutate.contact_mutants import CONTACTS, contact_mutants
-from consilience.audit.mutate.mutants import FINE, FRACTION, MOTION, WHOLE, Mutant, decades
+from consilience.audit.mutate.contact_mutants import contact_mutants
+from consilience.audit.mutate.mutants import CONTACTS, FINE, FRACTION, MOTION, WHOLE, Mutant, decades
 from consilience.audit.mutate.mutated import Planting, changed
 from consilience.audit.mutate.seams import Proxy, first_order_step, inside, on_result, replaced, with_settings, wrapped
 

@@ -5,7 +5,8 @@ that the host can represent, and on which the host without the error agrees with
 difference is due to the mutant. A mechanism catches the mutant if any answer gets a verdict that a run does not pass
 over (not in `judge.GREEN`).
 
-Tasks run in worker processes. A task that crashes or exceeds the time limit counts as caught.
+Tasks run in worker processes. A task that crashes or exceeds the time limit is repeated, first without the error; it
+counts as caught if the error alone makes it fail again.
 """
 
 from __future__ import annotations
@@ -22,10 +23,16 @@ from typing import Any
 
 from pebble import ProcessExpired, ProcessPool
 
-from consilience.audit.mutate.judge import GREEN, verdicts
-from consilience.audit.mutate.mutants import Mutant
+from consilience.audit.mutate.judge import GREEN, PASSED, verdicts
+from consilience.audit.mutate.mutants import CONTACTS, Mutant
 from consilience.audit.mutate.mutated import SeamError
-from consilience.audit.mutate.subjects import MutationSubject, random_subject, shipped_subject
+from consilience.audit.mutate.subjects import (
+    CONTACT_CASES,
+    CONTACT_MOTIONS,
+    MutationSubject,
+    random_subject,
+    shipped_subject,
+)
 from consilience.audit.mutate.synthetic import host as new_host
 from consilience.audit.mutate.table import MUTANTS
 from consilience.compare import Comparison, Verdict
@@ -77,9 +84,9 @@ class TaskOutcome:
     example : str
         Words of one verdict that caught the mutant.
     broken : str
-        Why there is no result: the worker died or exceeded the time limit, which counts as caught.
+        Why there is no result: the worker died or exceeded the time limit, with the error alone; it counts as caught.
     unusable : str
-        Why the mutant does not fit the adapter.
+        Why the mutant cannot be judged: it does not fit the adapter, or there is no result without the error either.
     """
 
     mutant: str
@@ -154,8 +161,10 @@ def _baseline(name: str, key: SubjectKey, question: Question, methods: str) -> t
     return tuple(verdicts(_correct(name), subject_of(key), question, methods))
 
 
-def _red(found: Sequence[Comparison]) -> list[Comparison]:
-    return [c for c in found if c.verdict not in GREEN]
+def _red(found: Sequence[Comparison], before: Sequence[Comparison] = ()) -> list[Comparison]:
+    """Return the comparisons that a run does not pass over, and that the host without the error does not get either."""
+    known = {(c.question, c.method): c.verdict for c in before}
+    return [c for c in found if c.verdict not in GREEN and c.verdict is not known.get((c.question, c.method))]
 
 
 def _numbers(found: Sequence[Comparison]) -> dict[str, tuple[float, ...]]:
@@ -180,12 +189,15 @@ def _names(found: Sequence[Comparison]) -> set[str]:
 
 
 def _before(mutant: Mutant, name: str, key: SubjectKey) -> list[Comparison]:
-    """Return the comparisons without the error; none if the mutant cannot be judged on the mechanism."""
+    """Return the comparisons without the error that a run passes over; of contacts many engines are soft.
+
+    None if the mutant cannot be judged on the mechanism: if no method answers its question rightly.
+    """
     if not mutant.precondition(subject_of(key)):
         return []
     before = [c for question in mutant.questions for c in _baseline(name, key, question, mutant.methods)]
-    asked = any(c.question is mutant.question for c in before)
-    return before if asked and not _red(before) else []
+    right = [c for c in before if c.verdict in PASSED]
+    return right if any(c.question is mutant.question for c in right) else []
 
 
 def _judge(mutant: Mutant, engine: Engine, key: SubjectKey, before: Sequence[Comparison], outcome: TaskOutcome) -> None:
@@ -204,9 +216,15 @@ def _judge(mutant: Mutant, engine: Engine, key: SubjectKey, before: Sequence[Com
         The result is added to this outcome.
     """
     subject = subject_of(key)
-    found = [c for question in mutant.questions for c in verdicts(engine, subject, question, mutant.methods)]
+    right = {(c.question, c.method) for c in before}
+    found = [
+        c
+        for question in mutant.questions
+        for c in verdicts(engine, subject, question, mutant.methods)
+        if not c.method or (question, c.method) in right
+    ]
     outcome.judged += 1
-    red = _red(found)
+    red = _red(found, before)
     if red:
         outcome.caught += 1
         outcome.by.update(_names(red))
@@ -218,19 +236,24 @@ def _judge(mutant: Mutant, engine: Engine, key: SubjectKey, before: Sequence[Com
         outcome.largest_missed = max([outcome.largest_missed, *ratios])
 
 
+def unplanted(task: MutationTask) -> dict[SubjectKey, list[Comparison]]:
+    """Judge the host of a task without the error; return the comparisons by mechanism."""
+    return {key: _before(MUTANTS[task.mutant], task.host, key) for key in task.subjects}
+
+
 def perform(task: MutationTask) -> TaskOutcome:
     """Judge one mutant of one magnitude in one host, in this process."""
     mutant = MUTANTS[task.mutant]
     outcome = TaskOutcome(task.mutant, task.host, task.magnitude)
-    # before anything is planted: an error in a module acts on every engine of this process
-    before = {key: _before(mutant, task.host, key) for key in task.subjects}
+    before = unplanted(task)  # first: an error in a module acts on every engine of this process
     try:
         with mutant.plant(new_host(task.host), task.magnitude) as engine:
             for key, comparisons in before.items():
                 if comparisons:
                     _judge(mutant, engine, key, comparisons, outcome)
     except SeamError as error:
-        return TaskOutcome(task.mutant, task.host, task.magnitude, unusable=str(error))
+        outcome = TaskOutcome(task.mutant, task.host, task.magnitude)
+        outcome.unusable = f"the mutant does not fit the adapter: {error}"
     return outcome
 
 
@@ -269,10 +292,18 @@ def tasks_of(
 ) -> list[MutationTask]:
     """Return the tasks of a campaign, one for each mutant, host and magnitude.
 
-    Mutants of the question `trajectory` are judged on the subjects `motions`, all others on `instants`.
+    Mutants of the question `trajectory` are judged on the subjects `motions`, all others on `instants`; mutants of
+    contacts on cases with contacts.
     """
+
+    def subjects(mutant: Mutant) -> Sequence[SubjectKey]:
+        over_time = mutant.question is Question.TRAJECTORY
+        if mutant.trap == CONTACTS:
+            return CONTACT_MOTIONS if over_time else CONTACT_CASES
+        return motions if over_time else instants
+
     return [
-        MutationTask(m.name, host, magnitude, tuple(motions if m.question is Question.TRAJECTORY else instants))
+        MutationTask(m.name, host, magnitude, tuple(subjects(m)))
         for m in mutants
         for host in m.hosts
         if host in hosts
@@ -290,6 +321,25 @@ def _result(future: Future[Any]) -> tuple[Any, str]:
     if isinstance(error, ProcessExpired):
         return None, f"the worker died: exit code {error.exitcode}"
     return None, f"{type(error).__name__}: {error}"
+
+
+def repeated(pool: ProcessPool, task: MutationTask, limit: float) -> TaskOutcome:
+    """Repeat a task that gave no result, first without the error, which is blamed only for what it does twice.
+
+    Parameters
+    ----------
+    pool : ProcessPool
+    task : MutationTask
+    limit : float, s
+        Time limit of each of the two jobs.
+    """
+    outcome = TaskOutcome(task.mutant, task.host, task.magnitude)
+    _, reason = _result(pool.schedule(unplanted, args=(task,), timeout=limit))
+    if reason:
+        outcome.unusable = f"without the error, too: {reason}"
+        return outcome
+    found, outcome.broken = _result(pool.schedule(perform, args=(task,), timeout=limit))
+    return found or outcome
 
 
 def run_campaign(
@@ -336,8 +386,7 @@ def run_campaign(
             progress(campaign)
         for task, future in planted:
             outcome, reason = _result(future)
-            broken = TaskOutcome(task.mutant, task.host, task.magnitude, broken=reason)
-            campaign.outcomes.append(outcome or broken)
+            campaign.outcomes.append(repeated(pool, task, limit) if reason else outcome)
             progress(campaign)
     campaign.elapsed = time.perf_counter() - start
     return campaign

@@ -8,13 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from consilience.audit.mutate.mutants import FINE, FRACTION, Mutant, decades
+from consilience.audit.mutate.mutants import CONTACTS, FINE, FRACTION, Mutant, decades
 from consilience.audit.mutate.mutated import Planting
 from consilience.audit.mutate.seams import inside, on_result, wrapped
 from consilience.engine import Question
-
-CONTACTS = 28
-"""Trap of the errors in contacts."""
 
 
 def contact_mutants(engine: str) -> tuple[Mutant, ...]:

@@ -20,7 +20,10 @@ from consilience.engine.worker.requests import Raised, Request, attempt, offer, 
 from consilience.suite.engine_runs import levels_of
 
 GREEN = (Verdict.AGREES, Verdict.DISCRETISATION, Verdict.UNSUPPORTED)
-"""Verdicts that a run passes over, with the exit code 0. Every other verdict catches a mutant."""
+"""Verdicts without a difference that is not of steps. Every other verdict catches a mutant."""
+
+PASSED = (*GREEN, Verdict.REGULARISATION)
+"""Verdicts that a run passes over, with the exit code 0."""
 
 _MUTANTS = ("seams.py", "mutants.py")
 """Files with the code of mutants: in this package, and in an adapter."""

@@ -37,8 +37,12 @@ TRAPS: dict[int, str] = {
     25: "value and direction of gravity by default",
     26: "sparse or dense, islands, warm start, solver stopped early",
     27: "drift of the engine's interface",
+    28: "contacts: partner, point, friction and restitution",
 }
 """Title of each trap by its number, which mutants, reports and docs/detection.md refer to."""
+
+CONTACTS = 28
+"""Trap of the errors in contacts."""
 
 UNPLANTED: dict[int, str] = {}
 """Traps without a mutant, with the reason."""

@@ -40,6 +40,22 @@ MOTIONS = ("double_pendulum", "four_bar")
 SPAN, SAMPLE = 0.5, 0.05
 """Duration and sampling interval of the trajectories, s."""
 
+CONTACT_CASES = (
+    "bowling-hook",
+    "ladder_leaves_wall",
+    "thrown_across_stops",
+    "ball_off_ball",
+    "trough_rolls",
+    "pendulum_at_a_stop",
+)
+"""Shipped cases with contacts or stops that mutants of contacts are judged on at states."""
+
+CONTACT_MOTIONS = ("bouncing_sphere", "ball_across_incline", "ball_slips", "wheel_caught_by_stop")
+"""The same for motions: an impact, a slip that turns, a slip that ends, and a stop."""
+
+CONTACT_SPAN = 0.8
+"""Longest duration of a trajectory with contacts, s: at the sampling interval of the case."""
+
 
 @dataclass(eq=False)
 class MutationSubject:
@@ -109,8 +125,12 @@ def random_subject(seed: int) -> MutationSubject | None:
 
 @lru_cache(maxsize=16)
 def shipped_subject(name: str) -> MutationSubject:
-    """Return a shipped case over a short span."""
-    case = replace(load_case(name), instants=INSTANTS).with_span(SPAN, SAMPLE)
+    """Return a shipped case over a short span; with contacts, at no more states than its reactions are determined."""
+    case = load_case(name)
+    if name in CONTACT_CASES + CONTACT_MOTIONS:
+        case = replace(case, instants=min(case.instants, INSTANTS)).with_span(min(case.duration, CONTACT_SPAN), None)
+    else:
+        case = replace(case, instants=INSTANTS).with_span(SPAN, SAMPLE)
     return MutationSubject(name, case.mechanism, case.states, case)
 
 

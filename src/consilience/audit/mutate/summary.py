@@ -56,16 +56,16 @@ class MutantRow:
 
     @property
     def by(self) -> str:
-        """Questions and quantities that caught the largest magnitude, most frequent first."""
+        """Questions and quantities that caught the largest magnitude, most frequent first, or how it ended a worker."""
         first = next((o for o in self.outcomes if o.noticed), None)
-        return ", ".join(name for name, _ in first.by.most_common(3)) if first else ""
+        return first.broken or ", ".join(name for name, _ in first.by.most_common(3)) if first else ""
 
     @property
     def why_missed(self) -> str:
         """Why the largest magnitude without a catch was missed; empty if every magnitude was caught."""
         unusable = next((o.unusable for o in self.outcomes if o.unusable), "")
         if unusable:
-            return f"the mutant does not fit the adapter: {unusable}"
+            return unusable
         missed = next((o for o in self.outcomes if not o.noticed and o.judged), None)
         if missed is None:
             return ""

@@ -31,8 +31,8 @@ def table_of(adapters: Mapping[str, ModuleType]) -> dict[str, Mutant]:
     Parameters
     ----------
     adapters : mapping of str to module
-        Each has ``MUTANTS``, a tuple of `Mutant`, and perhaps ``SOLVER``, the module of the adapter that calls
-        `consilience.engine.solve_constrained` for the accelerations of an instant.
+        Each has ``MUTANTS``, a tuple of `Mutant`, perhaps ``CONTACT_MUTANTS``, and perhaps ``SOLVER``, the module that
+        calls `consilience.engine.solve_constrained` for the accelerations of an instant.
 
     Raises
     ------
@@ -41,7 +41,9 @@ def table_of(adapters: Mapping[str, ModuleType]) -> dict[str, Mutant]:
     """
     solving = tuple(name for name, module in adapters.items() if hasattr(module, "SOLVER"))
     mutants = [replace(m, hosts=solving if m.solver else (SYNTHETIC, *adapters)) for m in COMMON]
-    mutants += [replace(m, hosts=(name,)) for name, module in adapters.items() for m in getattr(module, "MUTANTS", ())]
+    for name, module in adapters.items():
+        own = (*getattr(module, "MUTANTS", ()), *getattr(module, "CONTACT_MUTANTS", ()))
+        mutants += [replace(mutant, hosts=(name,)) for mutant in own]
     table = {mutant.name: mutant for mutant in mutants}
     if len(table) < len(mutants):
         names = [mutant.name for mutant in mutants]

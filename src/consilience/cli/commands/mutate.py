@@ -71,7 +71,7 @@ def _print(campaign: MutationCampaign, output: Path) -> None:
     say(summary.verdict_of(campaign))
     for row in summary.rows_of(campaign):
         if row.standing in (summary.Standing.MISSED, summary.Standing.FALSE_ALARM, summary.Standing.NOT_JUDGED):
-            say(f"{row.standing}: {row.mutant.name}, {row.host}: {row.why_missed}")
+            say(f"{row.standing}: {row.mutant.name}, {row.host}: {row.why_missed or row.by}")
     for alarm in campaign.alarms:
         say(f"false alarm: {alarm.host}, {alarm.subject}, {alarm.question}, {alarm.method}: {alarm.why}")
     say(f"report: {output / 'detection.md'}")
