@@ -144,6 +144,13 @@ def test_a_bar_that_the_condition_makes_wide_is_no_agreement():
     assert missed.verdict is Verdict.MODEL
 
 
+def test_a_difference_beyond_a_bar_without_a_digit_blames_no_model():
+    wide, energy = Quantity("accelerations", 2.9, 0.44, 6), Quantity("kinetic energy", 1e-9, 1e-12, 1)
+    found = with_power(compared(wide), (), lambda _: ())
+    assert (found.verdict, found.rule) == (Verdict.UNRESOLVED, NO_POWER)
+    assert with_power(compared(wide, energy), (), lambda _: ()).verdict is Verdict.MODEL
+
+
 def test_an_answer_by_bars_that_shows_no_error_is_unresolved():
     run = Run("c", "reference", Question.INSTANT, None, 0, None, Status.ANSWERED)
     run = replace(run, perturbation=Perturbation("gravity", "gravity", SIZE))

@@ -8,7 +8,7 @@ from dataclasses import fields, replace
 import numpy as np
 
 from consilience.compare.instant import SOFTENED, Instants
-from consilience.compare.power import Power, powerless
+from consilience.compare.power import LARGEST, Power, powerless
 from consilience.compare.result import Comparison, Quantity, Verdict
 from consilience.compare.rules import NO_POWER, POWERLESS
 from consilience.compare.softness import EXPLAINED
@@ -17,6 +17,9 @@ from consilience.engine import InstantAnswer, Run
 
 WIDEST = 1e-6
 """Largest difference that may agree, however wide the condition of the equations makes the bar."""
+
+OPEN = "of the equations leaves no digit to judge"
+"""Why a difference above a bar that is wider than `LARGEST` blames no model: such bars no longer bound rounding."""
 
 PASSED = (Verdict.AGREES, Verdict.REGULARISATION)
 """Verdicts by bars that a run passes over."""
@@ -37,6 +40,10 @@ def with_power(
     """
     found = tuple(power for run in perturbed if (power := _power(compared, run, judged(run))) is not None)
     compared = replace(compared, power=found)
+    missed = [q for q in compared.quantities if not q.met]
+    if compared.verdict is Verdict.MODEL and all(q.bar > LARGEST for q in missed):
+        why = f"{missed[0].name}: difference {missed[0].difference:.2g}, bar {missed[0].bar:.2g}: the condition {OPEN}"
+        return replace(compared, verdict=Verdict.UNRESOLVED, rule=NO_POWER, why=why)
     if compared.verdict not in PASSED:
         return compared
     if powerless(found):
