@@ -38,7 +38,7 @@ def replay_figures(record: Record, replays: Mapping[str, dict[str, Any]]) -> dic
     return found
 
 
-class Panel(NamedTuple):
+class CurvePanel(NamedTuple):
     """A panel of a figure: curves, their name among the panels of the curves, and the title that is shown."""
 
     curves: CurveSet
@@ -48,18 +48,18 @@ class Panel(NamedTuple):
 
 def motion_figure(curves: CurveSet, along: dict[str, Any] | None, engines: Sequence[str]) -> Figure:
     """Draw curves of the reference in panels above one another, and reactions on the engines as markers upon them."""
-    found = _stacked([Panel(curves, panel, panel) for panel in curves.by_panel()], along, engines)
+    found = _stacked([CurvePanel(curves, panel, panel) for panel in curves.by_panel()], along, engines)
     count = len(curves.by_panel())
     if curves.panels > count:
         found["layout"]["xaxis"]["title"] = {"text": f"time in s; the first {count} of {curves.panels} panels"}
     return found
 
 
-def joint_panels(sets: Sequence[CurveSet], joint: str) -> list[Panel]:
+def joint_panels(sets: Sequence[CurveSet], joint: str) -> list[CurvePanel]:
     """List the panels of one joint: coordinates, rates, reactions."""
     words = {"coordinates": "{}", "rates": "rate of {}", "reactions": "reaction {}"}
     return [
-        Panel(curves, panel, words[curves.what].format(panel.rpartition(": ")[2]))
+        CurvePanel(curves, panel, words[curves.what].format(panel.rpartition(": ")[2]))
         for curves in sets
         if curves.what in words
         for panel in curves.by_panel()
@@ -67,7 +67,7 @@ def joint_panels(sets: Sequence[CurveSet], joint: str) -> list[Panel]:
     ]
 
 
-def _stacked(panels: Sequence[Panel], along: dict[str, Any] | None, engines: Sequence[str]) -> Figure:
+def _stacked(panels: Sequence[CurvePanel], along: dict[str, Any] | None, engines: Sequence[str]) -> Figure:
     """Draw panels above one another, with a legend for all."""
     count, traces = len(panels), list[Figure]()
     layout: Figure = {"height": 90 + 130 * count, "shapes": [], "annotations": []}
