@@ -56,6 +56,15 @@ def test_a_loss_of_digits_counts_from_a_threshold_on():
     assert "nothing is worse in 1.15 than in 1.0." in bisection_statement(found).sentences[0]
 
 
+def test_a_first_version_that_does_not_agree_is_said():
+    ask, _ = asking(0)
+    found = bisect("toy", VERSIONS[:2], ask, 0.5)
+    assert bisection_statement(found).sentences == [
+        "toy: nothing is worse in 1.1 than in 1.0.",
+        "1.0, with which the others are compared, does not agree itself: differs: model.",
+    ]
+
+
 def test_without_a_version_nothing_is_named():
     ask, _ = asking(5, VERSIONS)
     found = bisect("toy", VERSIONS, ask, 0.5)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from consilience.compare import Verdict
 from consilience.report.history.changes import Change, change_table, changes, plain
 from consilience.report.record import Record
 from consilience.report.statement import Statement
@@ -123,18 +124,23 @@ def bisection_statement(found: Bisection) -> Statement:
         "trials": [dict(zip(heads, row, strict=True)) for row in rows],
     }
     tables = [change_table(bad.worse, f"worse in {bad.version}")] if bad else []
-    return Statement([_sentence(found)], [*tables, (f"versions of {found.engine} tried", heads, rows)], data)
+    return Statement(list(_sentences(found)), [*tables, (f"versions of {found.engine} tried", heads, rows)], data)
 
 
-def _sentence(found: Bisection) -> str:
+def _sentences(found: Bisection) -> Iterator[str]:
     bad, good = found.first_bad, found.last_good
     if good is None:
-        return f"{found.engine}: no version could be asked."
+        yield f"{found.engine}: no version could be asked."
+        return
     first = next(trial for trial in found.trials if trial.record is not None)
-    if bad is None:
-        return f"{found.engine}: nothing is worse in {good.version} than in {first.version}."
     between = f"; {', '.join(t.version for t in found.between)} between them could not be asked" * bool(found.between)
-    return f"{found.engine}: first bad version {bad.version}, last good version {good.version}{between}."
+    if bad is None:
+        yield f"{found.engine}: nothing is worse in {good.version} than in {first.version}."
+    else:
+        yield f"{found.engine}: first bad version {bad.version}, last good version {good.version}{between}."
+    verdict, *_ = _answer(found.engine, first)
+    if verdict not in (DASH, Verdict.AGREES):
+        yield f"{first.version}, with which the others are compared, does not agree itself: {verdict}."
 
 
 def _answer(engine: str, trial: TriedVersion) -> tuple[str, str, str]:
