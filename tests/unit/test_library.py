@@ -286,6 +286,7 @@ def test_motions_mechanisms_and_results_show_themselves(motion, tmp_path):
     page = found.animate()
     assert page.save(tmp_path / "page.html").read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
     assert "<iframe srcdoc=" in page._repr_html_()
+    assert ' title="Mechanism in motion"' in page._repr_html_()  # a frame has a name for readers of screens
     assert len(repr(page)) < 80
     assert found.to_xarray().p_WB.shape == (41, 2, 3)
     for ask, words in (

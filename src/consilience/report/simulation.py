@@ -50,7 +50,8 @@ class ReplayPage:
         return target
 
     def _repr_html_(self) -> str:
-        return f'<iframe srcdoc="{escape(self.html)}" width="100%" height="640" style="border:0"></iframe>'
+        look = 'title="Mechanism in motion" width="100%" height="640" style="border:0"'
+        return f'<iframe srcdoc="{escape(self.html)}" {look}></iframe>'
 
 
 @dataclass(frozen=True, eq=False, repr=False)
