@@ -56,6 +56,9 @@ REFUSED = {
     r"a spherical joint has no 'angular_velocity'.*orientation": lambda: start(
         BALL, coordinates={"angular_velocity": [0, 0, 1]}
     ),
+    r"joint 'j0': orientation: the quaternion has norm 2.*unit": lambda: start(
+        BALL, coordinates={"orientation": [2, 0, 0, 0]}
+    ),
     r"the matrix is not a rotation": lambda: start(BALL, coordinates={"orientation": 2.0 * np.eye(3)}),
     r"velocities: body 'b0': shape \(3,\).*v_WB_W, then": lambda: c.initial_state(
         HINGE, c.Initial(velocities={"b0": [0, 0, 1]})

@@ -165,7 +165,11 @@ def _held_value(where: str, coordinate: str, value: ArrayLike, rates: bool) -> A
         hint = " It is an angular velocity in axes of F." if rates else " A quaternion, scalar first, or a matrix."
         if not rates and np.asarray(value, dtype=object).shape == (3, 3):
             value = quaternion_from_rotation(Frame(np.zeros(3), np.asarray(value)).R)
-    return fixed_array(np.atleast_1d(np.asarray(value)), (size,), f"{where}: {coordinate}", hint)
+    held = fixed_array(np.atleast_1d(np.asarray(value)), (size,), f"{where}: {coordinate}", hint)
+    if size == 4 and abs(np.linalg.norm(held) - 1.0) > 1e-9:
+        what = f"the quaternion has norm {np.linalg.norm(held):.9g}"
+        raise InvalidInput(f"{where}: {coordinate}", what, "Give a unit quaternion, scalar first.")
+    return held
 
 
 def row_names(mechanism: Mechanism, held: HeldCoordinates, velocities: bool) -> list[str]:

@@ -31,7 +31,7 @@ class Frame:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "p", fixed_array(self.p, (3,), "frame: p"))
-        hint = " Of a quaternion: consilience.mechanism.rotation_from_quaternion."
+        hint = " Of a quaternion: consilience.frame(p, quaternion)."
         object.__setattr__(self, "R", fixed_array(self.R, (3, 3), "frame: R", hint))
         x, y, z = self.R.T
         if np.max(np.abs(self.R.T @ self.R - _ONE)) > 1e-9 or cross(x, y) @ z < 0:
