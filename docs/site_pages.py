@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import draw_architecture
+from site_choice import choice
 from site_gallery import front, gallery
 
 from consilience.cli.explanations import Topic, read_explanations
@@ -73,7 +74,8 @@ def write(docs: Path) -> None:
     """Write all generated pages into `docs/generated`, which git does not keep, and the drawings beside the pages."""
     draw_architecture.write()
     folder = docs / "generated"
-    pages = {"library.md": gallery(), "front.html": front(), "explained.md": explained(), **findings(), **api()}
+    pages = {"library.md": gallery(), "front.html": front(), "explained.md": explained(), "choose.md": choice()}
+    pages |= findings() | api()
     for name, text in pages.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)

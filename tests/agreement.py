@@ -9,8 +9,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+from consilience.report.choice import choice_points
 from consilience.report.headline import headline
 from consilience.report.record import read_record
+from consilience.report.view import page
 
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "reports" / "agreement"
@@ -33,7 +35,8 @@ ABOUT = """\
 | engines | {versions} |
 | command | `just agreement` |
 
-`cells.json` has verdict, digits and method of each cell. CI compares the tour with it.
+`cells.json` has verdict, digits and method of each cell. CI compares the tour with it. `choice.json` has what the page
+"Which engine for my work?" of the documentation is made of.
 """
 
 
@@ -44,6 +47,15 @@ def kept_of(record, commit):
     cells = [{name: line[name] for name in FIELDS} for line in record.cells]
     about = {"commit": commit, "written": header["written"], "quick": bool(header.get("quick")), "engines": engines}
     return about | {"cells": cells}
+
+
+def choice_of(record):
+    """Return what the page of the documentation "Which engine for my work?" is made of."""
+    view = page(record)
+    about = {"summary": view.summary, "engines": {c[0]: c[1] for c in view.columns}}
+    rows = [[row.engine, row.name, *row.values] for row in view.choice.rows]
+    missing = [[row.engine, row.reason, row.count] for row in view.choice.missing]
+    return about | {"rows": rows, "missing": missing, "points": choice_points(record)}
 
 
 def moved(kept, now):
@@ -78,6 +90,10 @@ def keep(run):
     about |= {"engines": f"{len(kept['engines']) - 1} engines", "headline": " ".join(f"{s}." for s in headline(record))}
     for name in ("report.html", "report.md"):
         (FOLDER / name).write_bytes((run / name).read_bytes())
+    choice = choice_of(record)
+    points = ",\n".join(f"  {json.dumps(point)}" for point in choice.pop("points"))
+    told = json.dumps(choice, indent=1).removesuffix("\n}") + f',\n "points": [\n{points}\n ]\n}}\n'
+    (FOLDER / "choice.json").write_text(told, encoding="utf-8")
     (FOLDER / "cells.json").write_text(text, encoding="utf-8")
     (FOLDER / "README.md").write_text(ABOUT.format(**(kept | about)), encoding="utf-8")
 

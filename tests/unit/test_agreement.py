@@ -40,6 +40,9 @@ def test_what_is_kept_is_read_again(tmp_path, monkeypatch, capsys):
     agreement.keep(run)
     assert json.loads((tmp_path / "cells.json").read_text())["cells"][0]["case"] == "arm"
     assert "| commit | `0123456789abcdef` |" in (tmp_path / "README.md").read_text()
+    choice = json.loads((tmp_path / "choice.json").read_text())
+    assert choice["points"] == [["alpha", "tree", "arm", "RK4", 50.0, 6.0, True]]  # 100 s of CPU time for 2 s
+    assert choice["rows"][0][:2] == ["alpha", "tree"]
     assert agreement.check(run) == 0
     record.cells[0]["motion"] = "failed"
     assert agreement.check(run) == 1

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
 from statistics import median
-from typing import Any
+from typing import Any, NamedTuple
 
 from consilience.compare.judge import REFERENCE
 from consilience.report.annotations import is_own
@@ -94,6 +94,31 @@ def _rows(record: Record) -> Iterator[ClassRow]:
                 yield ClassRow(engine, anchor("page", "engine", engine), name, values)
 
 
+class ChoicePoint(NamedTuple):
+    """Best motion of an engine on a case: its class, CPU time over simulated time, digits, whose integrator."""
+
+    engine: str
+    group: str
+    case: str
+    method: str
+    cost: float
+    digits: float
+    own: bool
+
+
+def choice_points(record: Record) -> list[ChoicePoint]:
+    """List the best motions of all engines."""
+    return [
+        ChoicePoint(
+            *(engine, class_of(case), case["name"], c["method"]),
+            *(float(f"{_cost(case, c):.3g}"), round(c["digits"], 2), is_own(c)),
+        )
+        for engine in record.header["engines"]
+        if engine != REFERENCE
+        for case, c in _motions(record, engine, True)
+    ]
+
+
 def _cost(case: dict[str, Any], motion: dict[str, Any]) -> float:
     """Return the CPU time of the finest level of a motion over its duration."""
     return float(motion["levels"][-1]["cpu"] / case["duration"])
@@ -101,9 +126,8 @@ def _cost(case: dict[str, Any], motion: dict[str, Any]) -> float:
 
 def choice_figure(record: Record) -> Figure:
     """Draw digits over CPU time, a panel for each class, a marker for each case, in the colour of its engine."""
-    engines = list(record.header["engines"])
-    moved = {class_of(case) for case in record.cases for _ in record.motions(case["name"])}
-    classes = [name for name, _ in CLASSES if name in moved]
+    points = choice_points(record)
+    classes = [name for name, _ in CLASSES if name in {point.group for point in points}]
     count = len(classes)
     layout: Figure = {"height": 90 + 210 * count, "shapes": [], "annotations": []}
     layout["xaxis"] = log_axis("CPU time over simulated time") | {"anchor": f"y{count}" if count > 1 else "y"}
@@ -114,9 +138,9 @@ def choice_figure(record: Record) -> Figure:
         layout[f"yaxis{axis}"] = {"domain": domain, "title": {"text": "digits"}, "rangemode": "tozero"}
         place = {"xref": "paper", "x": 0, "xanchor": "left", "yref": "paper", "y": top, "yanchor": "top"}
         layout["annotations"].append({"text": name, "showarrow": False, **place})
-        for n, engine in enumerate(engines):
-            found = [(case, c) for case, c in _motions(record, engine, True) if class_of(case) == name]
-            if engine == REFERENCE or not found:
+        for n, engine in enumerate(record.header["engines"]):
+            found = [point for point in points if (point.engine, point.group) == (engine, name)]
+            if not found:
                 continue
             symbol = MARKERS[n % len(MARKERS)]
             look = {"color": COLOURS[n % len(COLOURS)], "size": 8}
@@ -124,14 +148,14 @@ def choice_figure(record: Record) -> Figure:
                 {
                     "type": "scatter",
                     "mode": "markers",
-                    "x": [float(f"{_cost(case, c):.3g}") for case, c in found],
-                    "y": [round(c["digits"], 2) for _, c in found],
-                    "text": [escape(f"{case['name']}: {c['method']}") for case, c in found],
+                    "x": [point.cost for point in found],
+                    "y": [point.digits for point in found],
+                    "text": [escape(f"{point.case}: {point.method}") for point in found],
                     "name": escape(engine),
                     "legendgroup": escape(engine),
                     "showlegend": engine not in named,
                     "yaxis": f"y{axis}",
-                    "marker": look | {"symbol": [symbol if is_own(c) else f"{symbol}-open" for _, c in found]},
+                    "marker": look | {"symbol": [symbol if point.own else f"{symbol}-open" for point in found]},
                     "hovertemplate": "%{text}<br>%{x:.2g}, %{y:.1f} digits",
                 }
             )
