@@ -51,6 +51,7 @@ campaign:
     {{ bin }}/consilience mutate -o build/mutate
     {{ bin }}/consilience fuzz -n 500 -o build/fuzz
     for kind in cases extreme reports wire; do {{ bin }}/python tests/hostile/campaign.py --kind $kind --inputs 50000; done
+    {{ bin }}/python tests/harness/contacts.py --mechanisms 300
     {{ bin }}/python tests/harness/kills.py --kills 200
 
 # the README's report, in report

@@ -140,6 +140,27 @@ class ContactEquations:
         reactions = {j: self._reaction(j, z, load) for j in self._reacting}
         return Response(z, K.T, load.T @ z + rows.bias + K.T @ (K @ given), load, given, reactions)
 
+    def free_velocities(self, response: Response, velocity: Array, h: float) -> tuple[Array, Array]:
+        """Return what a step h of the applied forces makes of velocities at the state of the response, without p.
+
+        Parameters
+        ----------
+        velocity : ndarray, shape (6 n_b,)
+            (v, w') before.
+        h : float, s
+
+        Returns
+        -------
+        ndarray, shape (m,)
+            Rates of the rows, with the effect of forces that the state gives.
+        ndarray, shape (6 n_b,)
+            (v, w').
+        """
+        z = np.linalg.solve(self.inverse.T, velocity) + h * (self.inverse @ self._ws.f + response.K.T @ response.given)
+        if len(self._ws.Q):
+            z = z - self.U @ (self.U.T @ z) + self.U @ (self.pseudo.T @ self._ws.rate)
+        return response.load.T @ z, self.inverse.T @ z
+
     def press(self, touching: float) -> None:
         """Press the compliant contacts that the last state presses: with gaps below `touching`, m, and no pull."""
         for s, (k, law) in enumerate(zip(self.layout.springs, self._laws, strict=True)):

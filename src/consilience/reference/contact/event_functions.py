@@ -6,7 +6,7 @@ import numpy as np
 
 from consilience.mechanism import Array
 from consilience.reference.contact.equations import ContactEquations
-from consilience.reference.contact.events import ARMED, Watch, friction_margin
+from consilience.reference.contact.events import ARMED, ROUNDING, Watch, friction_margin
 from consilience.reference.contact.lasting import LastingContact, sliding_rates, widest_margin
 from consilience.reference.contact.stepper import Stepper
 
@@ -60,7 +60,8 @@ class EventFunctions:
         self.watches = watches
         values, rates = self.at(stepper.t, stepper.y, stepper)
         self.armed = np.array([v > ARMED * w.scale for v, w in zip(values, watches, strict=True)], dtype=bool)
-        self.armed |= np.nan_to_num(rates) > _RISING * speed
+        rounding = [-ROUNDING * ARMED * w.scale for w in watches]
+        self.armed |= (np.nan_to_num(rates) > _RISING * speed) & (values >= rounding)
 
     def at(self, t: float, y: Array, stepper: Stepper) -> tuple[Array, Array]:
         """Return the event functions, and their rates where known (else NaN), at a packed state near the last one."""

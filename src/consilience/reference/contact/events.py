@@ -35,6 +35,9 @@ from consilience.reference.contact.problem import FrictionMode, FrictionSet
 ARMED = 1e-9
 """Value, over its scale, from which an event function counts."""
 
+ROUNDING = 1e-5
+"""Value below zero, over that of `ARMED`, from which a function that rises counts."""
+
 PARTS = 6
 """Parts of a step at whose ends event functions are evaluated."""
 
@@ -137,7 +140,8 @@ class _Column:
         """Return the first zero, or None, and whether the function counts at the last node."""
         value, nodes = self.value, self.nodes
         for k in range(len(nodes) - 1):
-            armed = armed or bool(value[k] > ready) or bool(value[k] >= -ready and self.rate[k] > 0.0)
+            rises = value[k] >= -ROUNDING * ready and self.rate[k] > 0.0
+            armed = armed or bool(value[k] > ready or rises)
             low = self._lowest(k) if armed else None
             if low is not None:
                 return self._root(nodes[k], low), True

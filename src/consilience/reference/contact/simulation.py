@@ -50,12 +50,13 @@ GRAZING = 1e-13
 _SINKS = 1e-8  # acceleration into a plane that counts as zero, over that of falling
 _BINDING = 1e-7  # margins of undetermined forces that count as equal, over the forces
 _STEPS = 16  # least number of steps of a motion
-_CHAIN = 1000  # impacts or events at one instant
+_CHAIN = 1000  # impacts at one instant
+_AT_ONCE = 100  # events at one instant
 _CRAWL = 1e-8
 
 
 def simulate_with_contacts(
-    mechanism: Mechanism, state: State, times: Array, tolerance: float = 1e-12
+    mechanism: Mechanism, state: State, times: Array, tolerance: float = 1e-12, impacts: str = "newton"
 ) -> tuple[TrajectoryAnswer, tuple[ContactEvent, ...]]:
     """Integrate the motion of a mechanism with its contacts, stops and dry frictions.
 
@@ -68,6 +69,8 @@ def simulate_with_contacts(
         Increasing sample times; at the instant of an impact the sample has the velocities after it.
     tolerance : float
         Bound on the scaled local error of a step, 1e-13 to 1e-3.
+    impacts : str
+        Law of impacts where no contact asks for Poisson's: ``newton``, or ``moreau``, that of time stepping.
 
     Returns
     -------
@@ -83,7 +86,7 @@ def simulate_with_contacts(
     NumericalFailure
         The laws of contact have no solution or several (Painleve), or the integration fails.
     """
-    run = _ContactSimulation(mechanism, state, times, tolerance)
+    run = _ContactSimulation(mechanism, state, times, tolerance, impacts)
     answer = run.integrate()
     return answer, tuple(run.samples.in_order())
 
@@ -99,10 +102,12 @@ def simulate_with_impacts(
 class _ContactSimulation:
     """One simulation with contacts."""
 
-    def __init__(self, mechanism: Mechanism, state: State, times: Array, tolerance: float) -> None:
+    def __init__(
+        self, mechanism: Mechanism, state: State, times: Array, tolerance: float, impacts: str = "newton"
+    ) -> None:
         if not 1e-13 <= tolerance <= 1e-3:
             raise InvalidInput("tolerance", f"{tolerance} is out of range", "Choose 1e-13 to 1e-3.")
-        self.times = sample_times(times)
+        self.times, self.law = sample_times(times), impacts
         self.layout = layout_of(mechanism)
         self.equations = ContactEquations(self.layout)
         start, longest = float(self.times[0]), float(np.ptp(self.times)) / _STEPS or np.inf
@@ -186,8 +191,8 @@ class _ContactSimulation:
         """Refuse events that follow one another without end while no time passes."""
         now = self.stepper.t
         self.at_once = (now, self.at_once[1] + 1 if now == self.at_once[0] else 0)
-        if self.at_once[1] > _CHAIN:
-            raise NumericalFailure(f"{_CHAIN} events of contact at the instant t = {now:.12g} s: they do not settle")
+        if self.at_once[1] > _AT_ONCE:
+            raise NumericalFailure(f"{_AT_ONCE} events of contact at the instant t = {now:.12g} s: they do not settle")
 
     def _stops(self, t: float, watch: Watch) -> bool:
         """Return whether the slip of a friction set vanishes at t, rather than turns away from its heading."""
@@ -342,7 +347,9 @@ class _ContactSimulation:
             restitution = self.layout.restitution.copy()
             for n in np.flatnonzero(taking & (rate < 0.0)):
                 restitution[n] = self._restitution(int(n), -float(rate[n]))
-            record, velocity, forces = apply_impact(self.equations, response, stepper, taking, restitution, still)
+            record, velocity, forces = apply_impact(
+                self.equations, response, stepper, taking, restitution, still, self.law
+            )
             self.impacts.append(record)
             hit |= set(np.flatnonzero(strikes).tolist())
             for n in np.flatnonzero(strikes):

@@ -228,8 +228,8 @@ class Stepper:
                 left = np.concatenate([value[:holonomic], rows.gap[self._layout.gaps[closed]]])
                 if not len(left) or np.max(np.abs(left)) <= 2e-16 * max(1.0, self._model.length):
                     break
-                step = _least(inverse, np.vstack([Q[:holonomic], rows.J[normals]]), -left)[0]
-                _move(y, step.reshape(-1, 6))
+                step = least_change(inverse, np.vstack([Q[:holonomic], rows.J[normals]]), -left)[0]
+                move_bodies(y, step.reshape(-1, 6))
             self._project_velocity(t, y, turns)
         count_turns(self._model, y, self._ws, turns)
 
@@ -246,14 +246,14 @@ class Stepper:
         Q, _, rate = self.equations.joint_rows(t, y, turns)
         self.equations.move(t, y, turns)
         if len(Q):
-            self.equations.rank[0] = _least(self.equations.inverse, Q, np.zeros(len(Q)))[1]
+            self.equations.rank[0] = least_change(self.equations.inverse, Q, np.zeros(len(Q)))[1]
         held = self._held_rows()
         both, v = np.vstack([Q, held]), y[: self._bodies, 7:13].ravel()
         wanted = np.concatenate([rate, np.zeros(len(held))]) - both @ v
-        y[: self._bodies, 7:13] += _least(self.equations.inverse, both, wanted)[0].reshape(-1, 6)
+        y[: self._bodies, 7:13] += least_change(self.equations.inverse, both, wanted)[0].reshape(-1, 6)
 
 
-def _least(inverse: Array, rows: Array, wanted: Array) -> tuple[Array, int]:
+def least_change(inverse: Array, rows: Array, wanted: Array) -> tuple[Array, int]:
     """Return the change of least M-norm with ``rows x = wanted``, and the rank of the rows."""
     U, singular, Vt = np.linalg.svd(inverse @ rows.T, full_matrices=False)
     rank = int(np.sum(singular > RANK_TOLERANCE * singular[0])) if len(singular) else 0
@@ -261,7 +261,7 @@ def _least(inverse: Array, rows: Array, wanted: Array) -> tuple[Array, int]:
     return inverse.T @ (U[:, :rank] @ along), rank
 
 
-def _move(y: Array, step: Array) -> None:
+def move_bodies(y: Array, step: Array) -> None:
     """Move all bodies by small steps (displacement, rotation vector in body axes), shape (n_b, 6)."""
     n = len(step)
     y[:n, 0:3] += step[:, :3]

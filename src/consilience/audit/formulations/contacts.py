@@ -1,0 +1,147 @@
+"""Motions with contacts from event to event, within the band of time stepping, on random mechanisms.
+
+Time stepping (`consilience.reference.contact.time_stepping`) has errors of order one in its step, in part at random:
+an impact, or a stick, comes anywhere within a step. Its band at a sample is `SAFETY` times the largest difference of
+successive levels up to that sample, each brought to the finest step, plus `FLOOR`. Both formulations solve impacts by
+Moreau's law.
+
+A mechanism without a comparison has a reason with a name, `REASONS`.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from consilience.audit.random_contacts import random_contacts
+from consilience.engine import TrajectoryAnswer
+from consilience.errors import NumericalFailure
+from consilience.mechanism import Array, Mechanism, State, assemble_velocities, contact_parts
+from consilience.reference.contact import simulate_with_contacts
+from consilience.reference.contact.time_stepping import step_with_contacts
+
+TIMES = np.linspace(0.0, 0.4, 9)
+LEVELS = (8, 16, 32, 64)
+"""Steps between two samples."""
+
+SAFETY, FLOOR = 4.0, 1e-8
+WIDE = 0.05
+"""Width of a band, m, from which it decides nothing."""
+
+TOLERANCE = 1e-10
+DISPLACED, SENSITIVE = 1e-7, 1e3
+"""Change of the velocities of the start, m/s or rad/s, and magnification of it that makes a motion sensitive."""
+
+REASONS = {
+    "indeterminate": "the laws allow several accelerations",
+    "no solution": "no forces satisfy the laws: contacts jam (Painleve), or events do not settle",
+    "sensitive": "grazing: nearby starts part",
+    "wide band": "the levels of time stepping are too far apart",
+}
+
+
+@dataclass(frozen=True)
+class ContactComparison:
+    """Two motions of one random mechanism.
+
+    Attributes
+    ----------
+    seed, bodies, contacts, events : int
+        Contacts are elementary ones.
+    loops : int
+    difference, band : float, m
+        At the sample where the difference exceeds the band most, or is nearest to it.
+    reason : str
+        One of `REASONS` where there is no comparison; else empty.
+    message : str
+        Of the failure.
+    """
+
+    seed: int
+    bodies: int
+    contacts: int
+    loops: int
+    events: int = 0
+    difference: float = 0.0
+    band: float = 0.0
+    reason: str = ""
+    message: str = ""
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the difference is within the band, or there is a reason with a name."""
+        return bool(self.reason) or self.difference <= self.band
+
+
+def compare(seed: int) -> ContactComparison:
+    """Compare both formulations on the random mechanism of a seed."""
+    mechanism, start = random_contacts(seed)
+    parts, joints = sum(len(contact_parts(c)) for c in mechanism.contacts), len(mechanism.joints)
+    found = ContactComparison(seed, len(mechanism.bodies), parts, joints - len(mechanism.bodies))
+    try:
+        motion, events = simulate_with_contacts(mechanism, start, TIMES, TOLERANCE, "moreau")
+        levels = [step_with_contacts(mechanism, start, TIMES, steps).p_WB for steps in LEVELS]
+    except NumericalFailure as failure:
+        reason = "indeterminate" if "several accelerations" in str(failure) else "no solution"
+        return replace(found, reason=reason, message=str(failure))
+    off, band = _sizes(motion.p_WB - levels[-1]), SAFETY * band_of(levels) + FLOOR
+    worst = int(np.argmax(off / band))
+    found = replace(found, events=len(events), difference=float(off[worst]), band=float(band[worst]))
+    if found.agrees and band[-1] < WIDE:
+        return found
+    if band[-1] >= WIDE:
+        return replace(found, reason="wide band")
+    return replace(found, reason="sensitive") if _is_sensitive(mechanism, start, motion) else found
+
+
+def _sizes(difference: Array) -> Array:
+    """Return the largest entry at each sample."""
+    return np.asarray(np.max(np.abs(difference), axis=(1, 2)))
+
+
+def band_of(levels: list[Array]) -> Array:
+    """Return the error of the finest level at each sample, shape (n_t,), from differences of successive levels."""
+    last = len(levels) - 2
+    finer = [_sizes(a - b) * 2.0 ** (n - last) for n, (a, b) in enumerate(pairwise(levels))]
+    return np.maximum.accumulate(np.max(finer, axis=0))
+
+
+def _is_sensitive(mechanism: Mechanism, start: State, motion: TrajectoryAnswer) -> bool:
+    """Return whether a nearby start has no motion, or one that parts."""
+    rng = np.random.default_rng(0)
+    shape = start.v_WB_W.shape
+    near = replace(
+        start,
+        v_WB_W=start.v_WB_W + DISPLACED * rng.normal(size=shape),
+        w_WB_W=start.w_WB_W + DISPLACED * rng.normal(size=shape),
+    )
+    try:
+        other, _ = simulate_with_contacts(mechanism, assemble_velocities(mechanism, near), TIMES, TOLERANCE, "moreau")
+    except NumericalFailure:
+        return True
+    return bool(np.max(np.abs(other.p_WB - motion.p_WB)) > SENSITIVE * DISPLACED)
+
+
+def campaign(seeds: Iterable[int]) -> Iterator[ContactComparison]:
+    """Compare one mechanism after another."""
+    return (compare(seed) for seed in seeds)
+
+
+def summary(found: list[ContactComparison]) -> str:
+    """Return what the campaign showed, in lines."""
+    counts = Counter(one.reason for one in found)
+    compared = [one for one in found if not one.reason]
+    within, events = sum(one.agrees for one in compared), sum(one.events for one in compared)
+    lines = [f"{len(found)} mechanisms: {within} of the {len(compared)} compared lie within the band; {events} events"]
+    lines += [f"{counts[reason]} {reason}: {words}" for reason, words in REASONS.items() if counts[reason]]
+    if compared:
+        bands = np.median([one.band for one in compared])
+        lines.append(f"median of the bands {bands:.2g} m")
+    lines += [
+        f"seed {one.seed}: off by {one.difference:.3g} m, band {one.band:.3g} m" for one in compared if not one.agrees
+    ]
+    return "\n".join(lines)

@@ -1,0 +1,221 @@
+"""Motion with contacts by time stepping at velocity level: the second formulation, which bounds the first.
+
+The scheme of Moreau (1988) and Jean (1999), with the midpoint ``q_m = q + h v / 2``. Rows whose gap is closed at q_m
+take part in one problem for the impulses p of a step of length h,
+
+    M (v+ - v) = h f + Q^T Lam + J^T p,     Q v+ = nu,     u+ = J v+,
+    0 <= p_n _|_ u_n+ + e u_n >= 0,         p_t = prox_{mu p_n D}(p_t - r u_t+),         q+ = q + h (v + v+) / 2,
+
+with f, Q and J at q_m. It knows no modes, no accelerations of contacts, no events and no headings: impacts, sliding and
+sticking are the same problem. Its impacts are Moreau's (`impulse`). Errors are of order one in h; between impacts they
+have an expansion in h, and an impact comes at a random place within a step.
+
+The problem is solved by successive projections, row by row (Jourdan, Alart and Jean 1998), compiled. Where contacts
+jam they do not converge, and a search for modes takes their place.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from consilience.mechanism import Array, Mechanism, State
+from consilience.reference.bodies.arrays import pack, unpack, workspace
+from consilience.reference.bodies.forces import count_turns
+from consilience.reference.contact.decision import decide
+from consilience.reference.contact.equations import ContactEquations, Response
+from consilience.reference.contact.joint_friction import with_offsets
+from consilience.reference.contact.layout import layout_of
+from consilience.reference.contact.stepper import least_change, move_bodies
+from consilience.reference.kernel.compiled import allocating, inner
+
+_PROJECTIONS = 2
+_SWEEPS = 2000
+_SOLVED = 1e-13
+"""Change of the velocities in a sweep at which the problem is solved, over their size."""
+
+_CLOSED = 1e-13
+"""Gap of a closed contact, over the length of the mechanism."""
+
+
+@dataclass(frozen=True, eq=False)
+class SteppedMotion:
+    """Motion by time stepping, canonical, at the samples.
+
+    Attributes
+    ----------
+    p_WB, quat_WB, v_WB_W, w_WB_W : ndarray, shape (n_t, n_b, 3 or 4)
+    impulse : ndarray, shape (n_t, m)
+        Impulses on all rows since the start.
+    """
+
+    p_WB: Array
+    quat_WB: Array
+    v_WB_W: Array
+    w_WB_W: Array
+    impulse: Array
+
+
+def step_with_contacts(mechanism: Mechanism, state: State, times: Array, steps: int) -> SteppedMotion:
+    """Step a mechanism with contacts, stops and dry friction.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        No controllers; no friction that a reaction bounds.
+    state : State
+        Consistent state at ``times[0]``.
+    times : ndarray, shape (n_t,), s
+    steps : int
+        Steps between two samples.
+
+    Raises
+    ------
+    NumericalFailure
+        If no impulses satisfy the laws in a step.
+    """
+    scheme = _Scheme(mechanism, state)
+    states, impulses = [scheme.y.copy()], [scheme.impulse.copy()]
+    for start, end in pairwise(times.tolist()):
+        for k in range(steps):
+            scheme.step(start + (end - start) * k / steps, (end - start) / steps)
+        states.append(scheme.y.copy())
+        impulses.append(scheme.impulse.copy())
+    return SteppedMotion(*unpack(scheme.equations.layout.smooth, np.array(states)), np.array(impulses))
+
+
+class _Scheme:
+    """State of a motion by time stepping."""
+
+    def __init__(self, mechanism: Mechanism, state: State) -> None:
+        self.equations = ContactEquations(layout_of(mechanism))
+        layout, self._model = self.equations.layout, self.equations.model
+        self.y, self.bodies = pack(layout.smooth, state), len(mechanism.bodies)
+        self.impulse, self._p = np.zeros(len(layout.names)), np.zeros(len(layout.names))
+        self._ws, self._turns = workspace(self._model), np.zeros(len(self._model.coordinate))
+        count_turns(self._model, self.y, self._ws, self._turns)
+        self._normals, self._law = np.array(layout.normals, dtype=np.int64), friction_table(self.equations)
+
+    def step(self, t: float, h: float) -> None:
+        """Take one step from the time t."""
+        equations, y = self.equations, self.y
+        middle = y.copy()
+        velocity = y[: self.bodies, 7:13].copy()
+        move_bodies(middle, 0.5 * h * velocity)
+        equations.move(t + 0.5 * h, middle, self._turns)
+        equations.press(0.0)
+        response = equations.respond(t + 0.5 * h, middle, self._turns)
+        free, after = equations.free_velocities(response, velocity.ravel(), h)
+        rows, layout = equations.rows, equations.layout
+        before = rows.u[self._normals]
+        closed = rows.gap[layout.gaps] <= _CLOSED * self._model.length
+        rebound = np.zeros(len(free))
+        rebound[self._normals] = layout.restitution * np.minimum(before, 0.0)
+        act = np.zeros(len(free), dtype=np.bool_)
+        act[self._normals[closed]] = True
+        offsets = h * equations.offsets
+        p = np.where(act, self._p, 0.0)
+        if _project(response.K @ response.K.T, free + rebound, self._law, offsets, act, p) == _SWEEPS:
+            p = self._decided(response, free + rebound, offsets, closed)
+        self._p, self.impulse = p, self.impulse + p + h * response.given
+        y[: self.bodies, 7:13] = (after + equations.inverse.T @ (response.K.T @ p)).reshape(-1, 6)
+        move_bodies(y, 0.5 * h * (velocity + y[: self.bodies, 7:13]))
+        self._project(t + h)
+        count_turns(self._model, y, self._ws, self._turns)
+
+    def _decided(self, response: Response, free: Array, offsets: Array, closed: Array) -> Array:
+        """Return the impulses of a step that satisfy the laws as inclusions, by a search for modes (`decide`)."""
+        problem, rows, sets = self.equations.problem(replace(response, free=free), closed, np.zeros(len(free)))
+        p = np.zeros(len(free))
+        p[rows] = decide(with_offsets(problem, {k: float(offsets[j]) for k, j in enumerate(sets)})).force
+        return p
+
+    def _project(self, t: float) -> None:
+        """Project positions onto the joints; their rank there is that of the midpoints of the next step."""
+        equations = self.equations
+        for _ in range(_PROJECTIONS if len(self._ws.Q) else 0):
+            Q, value, _ = equations.joint_rows(t, self.y, self._turns)
+            holonomic = len(value) - 2 * len(self._model.rolling) - len(self._model.skate)
+            change, _ = least_change(equations.inverse, Q[:holonomic], -value[:holonomic])
+            move_bodies(self.y, change.reshape(-1, 6))
+            equations.rank[0] = least_change(equations.inverse, Q, np.zeros(len(Q)))[1]
+
+
+def friction_table(equations: ContactEquations) -> tuple[Array, Array, Array, Array]:
+    """Return rows (n_f, 2), loads (n_f,) and vertices (n_f,) of all friction sets, -1 for none, and (mu, angle)."""
+    layout = equations.layout
+    rows, load, facets = np.full((len(layout.friction), 2), -1), np.full(len(layout.friction), -1), []
+    numbers = np.zeros((len(layout.friction), 2))
+    for j, one in enumerate(layout.friction):
+        rows[j, : len(one.rows)], numbers[j] = one.rows, (one.kinetic, one.angle)
+        load[j] = one.load if one.load in layout.normals else -1
+        facets.append(one.facets)
+    return rows, load, np.array(facets, dtype=np.int64), numbers
+
+
+@inner
+def _into_polygon(facets: int, angle: float, radius: float, x: float, y: float) -> tuple[float, float]:
+    """Return the point of a regular polygon nearest to a point; its vertices have the distance `radius`."""
+    inside, best, found_x, found_y = True, np.inf, x, y
+    for k in range(facets):
+        a, b = angle + 2 * np.pi * k / facets, angle + 2 * np.pi * (k + 1) / facets
+        ax, ay, bx, by = radius * np.cos(a), radius * np.sin(a), radius * np.cos(b), radius * np.sin(b)
+        dx, dy = bx - ax, by - ay
+        inside = inside and dx * (y - ay) - dy * (x - ax) >= 0.0
+        along = min(1.0, max(0.0, (dx * (x - ax) + dy * (y - ay)) / (dx * dx + dy * dy)))
+        far = (x - ax - along * dx) ** 2 + (y - ay - along * dy) ** 2
+        if far < best:
+            best, found_x, found_y = far, ax + along * dx, ay + along * dy
+    return (x, y) if inside else (found_x, found_y)
+
+
+@inner
+def _into_set(facets: int, angle: float, radius: float, x: float, y: float) -> tuple[float, float]:
+    """Return the point of a friction set of two rows nearest to a point."""
+    if radius <= 0.0:
+        return 0.0, 0.0
+    if facets:
+        return _into_polygon(facets, angle, radius, x, y)
+    size = np.sqrt(x * x + y * y)
+    return (x, y) if size <= radius else (x * radius / size, y * radius / size)
+
+
+@allocating
+def _project(G, free, law, offsets, closed, p):  # type: ignore[no-untyped-def]
+    """Solve the problem of one step by successive projections, in place of p; return the number of sweeps."""
+    rows, load, facets, numbers = law
+    m, sets = free.shape[0], load.shape[0]
+    u = free + G @ p
+    size = 0.0
+    for row in range(m):
+        size = max(size, abs(free[row]) / max(np.sqrt(G[row, row]), 1e-300))
+    for sweep in range(_SWEEPS):
+        change = 0.0
+        for row in range(m):
+            if closed[row] and G[row, row] > 0.0:
+                new = max(0.0, p[row] - u[row] / G[row, row])
+                change = max(change, abs(new - p[row]) * np.sqrt(G[row, row]))
+                u += G[:, row] * (new - p[row])
+                p[row] = new
+        for j in range(sets):
+            a, b = rows[j, 0], rows[j, 1]
+            bound = numbers[j, 0] * (offsets[j] + (p[load[j]] if load[j] >= 0 else 0.0))
+            if b < 0:
+                if G[a, a] > 0.0:
+                    new = min(bound, max(-bound, p[a] - u[a] / G[a, a]))
+                    change = max(change, abs(new - p[a]) * np.sqrt(G[a, a]))
+                    u += G[:, a] * (new - p[a])
+                    p[a] = new
+                continue
+            stiff = 0.5 * (G[a, a] + G[b, b]) + np.sqrt(0.25 * (G[a, a] - G[b, b]) ** 2 + G[a, b] ** 2)
+            if stiff <= 0.0:
+                continue
+            x, y = _into_set(facets[j], numbers[j, 1], bound, p[a] - u[a] / stiff, p[b] - u[b] / stiff)
+            change = max(change, max(abs(x - p[a]), abs(y - p[b])) * np.sqrt(stiff))
+            u += G[:, a] * (x - p[a]) + G[:, b] * (y - p[b])
+            p[a], p[b] = x, y
+        if change <= _SOLVED * size:
+            return sweep
+    return _SWEEPS

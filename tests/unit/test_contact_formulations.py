@@ -1,0 +1,53 @@
+"""Time stepping beside the motion from event to event: a closed form, its band, and what the band catches."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from consilience.audit.formulations.contacts import FLOOR, LEVELS, SAFETY, TIMES, band_of, compare, summary
+from consilience.audit.random_contacts import random_contacts
+from consilience.mechanism import State, contact_parts
+from consilience.reference.contact import simulate_with_contacts
+from consilience.reference.contact.time_stepping import step_with_contacts
+from contact_problems import FEET, LEVEL, G, Lab
+
+
+def test_a_block_stops_within_a_step_of_where_friction_has_used_its_energy():
+    """``x = v^2 / (2 mu g)``: steps are exact but for the one in which it stops, off by ``mu g h^2 / 2`` at most."""
+    lab, mu, v, h = Lab(), 0.35, np.array([1.2, 0.9, 0.0]), 0.01
+    mechanism = lab.free_body(2.0, (0.02, 0.03, 0.04), LEVEL, lab.points(FEET, friction=mu))
+    motion = step_with_contacts(mechanism, lab.state([0, 0, 0.1], v), np.array([0.0, 0.6]), 60)
+    state = State(motion.p_WB[-1], motion.quat_WB[-1], motion.v_WB_W[-1], motion.w_WB_W[-1])
+    centre = lab.axes.T @ (state.p_WB[0] + state.R_WB[0] @ lab.com - lab.origin)
+    stop = v * np.linalg.norm(v) / (2 * mu * G) + [0.0, 0.0, 0.1]
+    assert np.linalg.norm(centre - stop) < 0.5 * mu * G * h**2
+    assert np.linalg.norm(state.v_WB_W) < 1e-10
+    normal, *_ = np.sum(motion.impulse[-1].reshape(-1, 3), axis=0)
+    assert normal == pytest.approx(2.0 * G * 0.6, rel=1e-10)
+
+
+def test_random_contacts_are_those_of_their_seed_and_start_apart_or_touching():
+    for seed in range(1, 30):
+        (m, start), (again, _) = random_contacts(seed), random_contacts(seed)
+        assert 1 <= len(m.bodies) <= 4
+        assert 1 <= sum(len(contact_parts(c)) for c in m.contacts) <= 8
+        assert np.array_equal(start.v_WB_W, random_contacts(seed)[1].v_WB_W)
+        assert [c.name for c in m.contacts] == [c.name for c in again.contacts]
+
+
+@pytest.mark.parametrize("seed", [2, 11, 14])
+def test_motions_from_event_to_event_lie_within_the_band_of_time_stepping(seed):
+    found = compare(seed)
+    assert not found.reason
+    assert found.difference <= found.band < 1e-2
+    assert f"1 of the 1 compared lie within the band; {found.events} events" in summary([found])
+
+
+def test_the_band_catches_friction_that_is_a_tenth_too_large():
+    mechanism, start = random_contacts(3)
+    wrong = replace(mechanism, contacts=tuple(replace(c, friction=1.1 * c.friction) for c in mechanism.contacts))
+    levels = [step_with_contacts(mechanism, start, TIMES, steps).p_WB for steps in LEVELS]
+    motion, _ = simulate_with_contacts(wrong, start, TIMES, 1e-10, "moreau")
+    off = np.max(np.abs(motion.p_WB - levels[-1]), axis=(1, 2))
+    assert np.max(off / (SAFETY * band_of(levels) + FLOOR)) > 3.0
