@@ -26,6 +26,7 @@ from consilience.mechanism import (
     shapes_in_words,
 )
 from consilience.report.anatomy import anatomy, dependency_lines, expected_lines, freedom_line
+from consilience.report.annotations import counts
 from consilience.report.record import Record
 from consilience.report.selection import is_matched
 from consilience.report.textdrawing import draw
@@ -33,11 +34,11 @@ from consilience.report.wording import LOOKS
 
 
 def matrix(record: Record) -> tuple[list[str], list[tuple[str, list[str]]]]:
-    """Return the engines, and for each case the worst verdict and the least digits of each engine.
+    """Return the engines, and for each case the verdict of its cell in a report and the least digits with it.
 
-    Only matched methods count; the reference is an engine where one of its formulations differs from another.
+    The reference is an engine where one of its formulations differs from another.
     """
-    rows, matched = [], [c for c in record.comparisons if is_matched(c)]
+    rows, matched = [], _counting(record)
     doubted = any(c["engine"] == REFERENCE and c["verdict"] != Verdict.AGREES for c in matched)
     engines = [name for name in record.header["engines"] if name != REFERENCE or doubted]
     for case in record.cases:
@@ -48,8 +49,13 @@ def matrix(record: Record) -> tuple[list[str], list[tuple[str, list[str]]]]:
 
 def legend(record: Record) -> list[str]:
     """Explain the symbols that occur in the matrix."""
-    occur = {c["verdict"] for c in record.comparisons if is_matched(c)}
-    return [f"{look.symbol} {look.verdict}: {look.sentence}" for v, look in LOOKS.items() if str(v) in occur]
+    occur = {c["verdict"] for c in _counting(record)}
+    return [f"{look.symbol} {look.name}: {look.sentence}" for v, look in LOOKS.items() if str(v) in occur]
+
+
+def _counting(record: Record) -> list[dict[str, Any]]:
+    """Return the comparisons that count for a cell: with matched settings, of motions by the best method."""
+    return [c for c in record.comparisons if is_matched(c) and counts(c)]
 
 
 def _cell(comparisons: list[dict[str, Any]]) -> str:
