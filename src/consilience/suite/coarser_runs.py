@@ -22,7 +22,7 @@ AskMotion = Callable[[int, float, Array], Run]
 def coarser_runs(
     ask: AskMotion, mechanism: Mechanism, method: Method, coarsest: Run, motion: ReferenceMotion
 ) -> Iterator[Run]:
-    """Ask an engine's own integrator at steps that double until a motion fails, or has few digits.
+    """Ask for motions at matched settings by steps that double, until a motion fails or has few digits.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def coarser_runs(
     Run
         The levels are -1, -2, ...
     """
-    if not (method.substeps and method.route.is_own and method.profile is Profile.MATCHED):
+    if not method.substeps or method.profile is not Profile.MATCHED:
         return
     times, run = motion.answer.time, coarsest
     for n, (stride, substeps) in enumerate(longer_steps(method.substeps[0], len(times) - 1), start=1):
