@@ -7,6 +7,7 @@ from pathlib import Path
 
 import draw_architecture
 from site_choice import choice
+from site_contact import contact_page
 from site_gallery import front, gallery
 
 from consilience.cli.explanations import Topic, read_explanations
@@ -75,6 +76,7 @@ def write(docs: Path) -> None:
     draw_architecture.write()
     folder = docs / "generated"
     pages = {"library.md": gallery(), "front.html": front(), "explained.md": explained(), "choose.md": choice()}
+    pages["contact.md"] = contact_page()
     pages |= findings() | api()
     for name, text in pages.items():
         path = folder / name

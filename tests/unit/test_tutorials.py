@@ -14,7 +14,7 @@ from consilience.reference.integrators.adaptive import METHODS
 from consilience.reference.tree.solver import INTEGRATORS
 
 TUTORIALS = Path(__file__).parents[2] / "docs" / "tutorials"
-NAMES = ("intro", "exu", "c4", "attia", "mass")
+NAMES = ("intro", "exu", "c4", "attia", "mass", "cube")
 
 NUMBER = r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
 EXACT = 1e-9
