@@ -53,6 +53,7 @@ campaign:
     for kind in cases extreme reports wire; do {{ bin }}/python tests/hostile/campaign.py --kind $kind --inputs 50000; done
     {{ bin }}/python tests/harness/contacts.py --mechanisms 300
     {{ bin }}/python tests/harness/kills.py --kills 200
+    {{ bin }}/python tests/harness/release_campaign.py
 
 # the README's report, in report
 report *arguments:
@@ -74,6 +75,7 @@ pythons: (wheel "--tour" "python3.11" "python3.12" "python3.13")
 # freeze the list of cases as it is, in cases/edition-NAME.toml
 edition name:
     test ! -e cases/edition-{{ name }}.toml
+    mkdir -p build
     {{ bin }}/python -c "import datetime, consilience.case.editions as e; print(e.edition_text('{{ name }}', datetime.date.today()), end='')" > build/edition.toml
     mv build/edition.toml cases/edition-{{ name }}.toml
 

@@ -1,7 +1,7 @@
 """Versions of MuJoCo that pip finds, and a release with a planted error: ``python tests/harness/release_campaign.py``.
 
-The planted release is the wheel of the last version under another number, with accelerations 0.1 % too large. `bisect`
-must name it among five versions or more, and the site of the reports must show it in the history of the cell.
+The planted releases are the wheel of the last version under other numbers, with accelerations 0.1 % too large. `bisect`
+must name the first, and the site of the reports, five versions at least, must show it in the history of the cell.
 """
 
 import json
@@ -12,7 +12,7 @@ import tempfile
 import zipfile
 from pathlib import Path
 
-FIRST, LAST, PLANTED = "3.15.0", "4.0.0", ("4.0.0.post1", "4.0.0.post2")
+FIRST, LAST, PLANTED = "3.15.0", "4.0.0", ("4.0.0.post1", "4.0.0.post2", "4.0.0.post3")
 CASE, ENGINE = "four_bar", "mujoco"
 ERROR = """
 _mj_forward = mj_forward
@@ -63,6 +63,7 @@ def main():
         (cell,) = json.loads((room / "site" / "site.json").read_text())["cells"]
         verdicts = {point["version"]: point["model"] for point in cell["history"]}
         print(json.dumps(verdicts, indent=1))
+        assert len(verdicts) >= 5
         assert {version for version, verdict in verdicts.items() if verdict != "agrees"} == set(PLANTED) & set(verdicts)
         assert (room / "site" / cell["address"] / "index.html").is_file()
 
