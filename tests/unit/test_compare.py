@@ -274,6 +274,7 @@ INSTANTS = Instants(
     gravity=9.81,
     characteristic_length=1.0,
     spin=0.0,
+    speed=0.0,
     driven=0.0,
     weights=0.0,
     swings=0.0,
@@ -509,6 +510,19 @@ def test_softness_explains_accelerations_and_reactions_and_nothing_else():
     assert compare_instant("c", "e", PLAIN, wrong, ANSWER, INSTANTS, others).verdict is Verdict.MODEL
     pulled = replace(answer, force_F=answer.force_F * 1.001)
     assert compare_instant("c", "e", PLAIN, pulled, ANSWER, INSTANTS, others).verdict is Verdict.REGULARISATION
+
+
+def test_accelerations_that_vanish_are_compared_with_the_speed():
+    """A slide without forces keeps its velocity: of a = 0, rounding is no difference, and v^2 / L / 1e9 is one."""
+    draw = cs.Drawing("sled", gravity=(0, 0, 0))
+    draw.body("a", cs.block((0.3, 0.2, 0.1)), mass=2.0)
+    draw.joint("slide", "prismatic", "ground", "a", at=(0, 0, 0), axis=(1, 2, 2))
+    mechanism = draw.mechanism()
+    state = cs.initial_state(mechanism, cs.Initial(rates={"slide": {"distance": 0.05}}))
+    instants, answer = Instants.of(mechanism, [state]), cs.accelerations(mechanism, [state])
+    for size, verdict in ((1e-18, Verdict.AGREES), (0.05**2 / instants.characteristic_length / 1e9, Verdict.MODEL)):
+        off = replace(answer, a_WB_W=answer.a_WB_W + size)
+        assert compare_instant("c", "e", PLAIN, off, answer, instants).verdict is verdict
 
 
 def test_velocities_of_joints_that_cancel_widen_the_bar_of_the_kinetic_energy():

@@ -95,6 +95,8 @@ class Instants:
         Characteristic length of a body.
     spin : float, rad/s
         Largest angular velocity at the states.
+    speed : float, m/s
+        Largest velocity at the states.
     driven : float, m/s^2
         Largest acceleration by applied forces that a body would have alone, or by a drive, at the states.
     weights : float, J
@@ -117,6 +119,7 @@ class Instants:
     gravity: float
     characteristic_length: float
     spin: float
+    speed: float
     driven: float
     weights: float
     swings: float
@@ -140,6 +143,7 @@ class Instants:
             float(np.linalg.norm(mechanism.gravity)),
             characteristic_length(mechanism),
             max(_largest(s.w_WB_W) for s in states),
+            max(_largest(s.v_WB_W) for s in states),
             max(_driven(mechanism, s) for s in states),
             max(float(np.sum(np.abs(masses * (centres_of_mass(mechanism, s)[0] @ mechanism.gravity)))) for s in states),
             max(_swings(mechanism, s, masses) for s in states),
@@ -149,8 +153,13 @@ class Instants:
 
     @property
     def acceleration(self) -> float:
-        """Magnitude of the terms of an acceleration: gravity, centripetal acceleration, forces and drives, m/s^2."""
-        return self.gravity + self.spin**2 * self.characteristic_length + self.driven
+        """Magnitude of the terms of an acceleration: gravity, centripetal acceleration, forces and drives, m/s^2.
+
+        Where none of them acts, the square of the velocity over the characteristic length.
+        """
+        terms = self.gravity + self.spin**2 * self.characteristic_length + self.driven
+        alone = self.speed**2 / self.characteristic_length
+        return terms if terms > EPS * alone else alone
 
     def accelerations(self, answer: InstantAnswer) -> Array:
         """Return linear accelerations, and angular ones times the characteristic length, shape (n_s, n_b, 6), m/s^2."""
