@@ -76,7 +76,8 @@ def import_everything():
     for module in pkgutil.walk_packages(consilience.__path__, "consilience."):
         if not module.name.endswith("__main__"):
             import_module(module.name)
-    import_module("scipy.interpolate")
+    for late in ("scipy.interpolate", "encodings.unicode_escape"):
+        import_module(late)
 
 
 _hooked = False
