@@ -89,7 +89,9 @@ def test_the_tutorial_prints_what_it_says(name):
     text = text_of(name)
     assert run(text, name) >= 8
     assert text.count("assert ") >= 3
-    assert len(text.splitlines()) < 200
+    assert len(text.splitlines()) < 180
+    assert "cs.Drawing(" in text
+    assert "cs.Body(" not in text
 
 
 def test_all_tutorials_are_run():
