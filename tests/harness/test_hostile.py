@@ -13,17 +13,21 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 
+from consilience.case import Edition
 from consilience.cli.commands.report import state_report
 from consilience.cli.options import OutputFormat
 from consilience.errors import ConsilienceError
 from consilience.report.html import render_html
 from consilience.report.markdown import render_markdown
 from consilience.report.record import read_record
+from consilience.report.site.cellhistory import entries_of, histories
+from consilience.report.site.pages import site_files, site_report
+from consilience.report.site.views import front
 from hostile import campaign as hostile_campaign
 from hostile import properties, wire
 from hostile.extremes import extreme_mutants, swallow_extreme, warm_extreme
 from hostile.mutations import MARK, TEXTS, jsonl_bytes
-from hostile.pages import Elements, check_html, check_markdown, check_terminal, opened
+from hostile.pages import Elements, check_html, check_markdown, check_site, check_terminal, opened
 from hostile.properties import (
     SCRIPT,
     case_mutants,
@@ -129,6 +133,9 @@ def test_text_of_a_report_stays_text_wherever_it_stands(payload, report, tmp_pat
         with redirect_stdout(printed):
             state_report(tmp_path, OutputFormat.TEXT)
     check_html(page, SCRIPT)
+    about = site_report(record, "0")
+    cells = histories(entries_of(record, about))
+    check_site(dict(site_files(front(cells, [about], {payload: payload}, Edition("2030", "2030-01-01", {})), cells)))
     check_markdown(markdown)
     check_terminal(printed.getvalue())
     if payload.isascii() and payload.isprintable():

@@ -24,7 +24,12 @@ ATTRIBUTES = {
     *("data-text", "data-blind", "aria-sort", "colspan", "span", "style"),
     *("viewbox", "preserveaspectratio", "x", "y", "x1", "x2", "y1", "y2", "width", "height"),
 }
-SVG_TAGS = {"svg", "title", "rect", "text", "g", "polyline", "circle", "path", "line", "tspan"}
+SITE_TAGS = {"img", "polyline", "circle", "text"}
+SITE_ATTRIBUTES = {"src", "alt", "points", "cx", "cy", "r", "text-anchor"}
+SITE_LINK = (
+    r"(\.\./)*[\w~-]+[\w~/.-]*(#[\w~.-]+)?|data:image/svg\+xml;base64,[A-Za-z0-9+/=]+|https://github\.com/[\w./-]+"
+)
+SVG_TAGS = {"svg", "title", "rect", "text", "g", "polyline", "circle", "path", "line", "tspan", "clipPath"}
 
 
 class Elements(HTMLParser):
@@ -86,6 +91,21 @@ def check_html(page, script):
         assert inner.tags <= TAGS - {"script"}, inner.tags - TAGS
         assert inner.attributes <= ATTRIBUTES - {"style"}, inner.attributes - ATTRIBUTES
         assert all(link.startswith("#") for link in inner.links), inner.links
+
+
+def check_site(files):
+    """Fail where data has become more than text on a page of the site; `files` are texts by address."""
+    for address, text in files.items():
+        assert re.fullmatch(r"[\w~-]+(/[\w~-]+)*(/index)?\.(html|svg|json)", address), address
+        if address.endswith(".svg"):
+            check_svg(text)
+        if address.endswith(".html"):
+            found = Elements(text)
+            assert found.tags <= (TAGS - {"script"}) | SITE_TAGS, found.tags - TAGS - SITE_TAGS
+            assert found.attributes <= ATTRIBUTES | SITE_ATTRIBUTES, found.attributes - ATTRIBUTES - SITE_ATTRIBUTES
+            assert all(re.fullmatch(r"max-width: \d+rem", style) for style in found.styles), found.styles
+            assert all(re.fullmatch(SITE_LINK, link) for link in found.links), found.links
+            assert not re.search("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e]", text)
 
 
 def check_markdown(page):

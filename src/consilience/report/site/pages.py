@@ -50,7 +50,7 @@ def write_site(folders: Sequence[Path], output: Path, edition: Edition) -> Front
         except InvalidInput as error:
             left_out[str(path.parent)] = error.what
             continue
-        report = _about(record, path)
+        report = site_report(record, sha256(path.read_bytes()).hexdigest()[:8])
         if report.address not in reports:
             reports[report.address] = report
             entries += entries_of(record, report)
@@ -60,7 +60,7 @@ def write_site(folders: Sequence[Path], output: Path, edition: Edition) -> Front
         raise InvalidInput(", ".join(map(str, folders)), reasons, "Give folders that `consilience run -o` wrote.")
     cells = histories(entries)
     view = front(cells, list(reports.values()), left_out, edition)
-    for address, text in _files(view, cells):
+    for address, text in site_files(view, cells):
         path = output / address
         path.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(path, text)
@@ -72,9 +72,9 @@ def _paths(folders: Sequence[Path]) -> list[Path]:
     return list(dict.fromkeys(path for folder in folders for path in sorted(folder.rglob("report.jsonl"))))
 
 
-def _about(record: Record, path: Path) -> SiteReport:
+def site_report(record: Record, digest: str) -> SiteReport:
+    """Return the report of a record, under its date and the digest of its file."""
     header = record.header
-    digest = sha256(path.read_bytes()).hexdigest()[:8]
     return SiteReport(
         address=f"report/{header['written'][:10]}-{digest}",
         written=header["written"],
@@ -96,7 +96,7 @@ def _write_report(record: Record, source: Path, target: Path) -> None:
     shutil.copyfile(source / "report.jsonl", target / "report.jsonl")
 
 
-def _files(view: Front, cells: Sequence[CellHistory]) -> Iterator[tuple[str, str]]:
+def site_files(view: Front, cells: Sequence[CellHistory]) -> Iterator[tuple[str, str]]:
     """Render all pages, badges and the data: address within the site, and text."""
     get = environment().get_template
     made = badges(view)

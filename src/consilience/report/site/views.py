@@ -10,6 +10,7 @@ from typing import Any
 
 from consilience.case import Edition
 from consilience.compare import Verdict
+from consilience.errors import visible
 from consilience.report.exports.badge import Badge
 from consilience.report.selection import grouped
 from consilience.report.site.cellhistory import CellHistory, CellStep, HistoryEntry, SiteReport, version_order
@@ -207,7 +208,7 @@ def badges(view: Front) -> dict[str, Badge]:
 def _badge(engine: EngineHistory) -> Badge:
     """State how many cells mean the same model, with the colour of the worst that does not."""
     models = [Verdict(m) for c in engine.cells if (m := c.current.line["model"]) not in (None, Verdict.UNSUPPORTED)]
-    subject = f"consilience: {engine.label} {engine.version}"
+    subject = visible(f"consilience: {engine.label} {engine.version}")
     if not models:
         return Badge(subject, "nothing compared", Verdict.UNRESOLVED)
     same = sum(model is Verdict.AGREES for model in models)
