@@ -149,7 +149,8 @@ def simulate(
     import numpy as np  # noqa: PLC0415 - names of the library are imported at their first use
 
     from consilience.errors import InvalidInput  # noqa: PLC0415
-    from consilience.mechanism import Mechanism, initial_state  # noqa: PLC0415
+    from consilience.mechanism import Mechanism  # noqa: PLC0415
+    from consilience.reference import initial_state  # noqa: PLC0415
     from consilience.reference import simulate as integrate  # noqa: PLC0415
     from consilience.reference.contact import simulate_with_contacts  # noqa: PLC0415
     from consilience.report.simulation import Simulation  # noqa: PLC0415
