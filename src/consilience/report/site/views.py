@@ -193,16 +193,24 @@ def drawn_history(cell: CellHistory) -> dict[str, Any] | None:
 
 def badges(view: Front) -> dict[str, Badge]:
     """Return the badges by file name: the score at each number of digits, and the cells of each engine that agree."""
-    found = {}
-    overall = next((score for score in view.scores if score.engine == ALL), next(iter(view.scores), None))
-    for n, digits in enumerate(DIGITS) if overall else ():
-        share = overall.shares[n] if overall and overall.of else "nothing counts yet"
-        told = f"{share} of {counted(overall.of, 'case')}" if overall and overall.of else share
-        verdict = Verdict.AGREES if overall and overall.of else Verdict.UNRESOLVED
-        found[f"score-{digits}.svg"] = Badge(f"consilience {view.edition.name}: {digits} digits", told, verdict)
+    overall = [score for score in view.scores if score.engine == ALL] or view.scores[:1]
+    found = {
+        f"score-{digits}.svg": _score_badge(view.edition, score, n)
+        for score in overall
+        for n, digits in enumerate(DIGITS)
+    }
     for engine in view.engines:
         found[f"{anchor(engine.name)}.svg"] = _badge(engine)
     return found
+
+
+def _score_badge(edition: Edition, score: Score, n: int) -> Badge:
+    """State a score; only that of all cases is green."""
+    subject = f"consilience {edition.name}: {DIGITS[n]} digits"
+    if not score.of:
+        return Badge(subject, "nothing counts yet", Verdict.UNRESOLVED)
+    colour = Verdict.AGREES if score.agreeing[n] == score.of else Verdict.DISCRETISATION
+    return Badge(subject, f"{score.shares[n]} of {counted(score.of, 'case')}", colour)
 
 
 def _badge(engine: EngineHistory) -> Badge:
