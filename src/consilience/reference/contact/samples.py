@@ -78,8 +78,8 @@ class Samples:
         self._modes: list[Array] = []
         self._losses: list[float] = []
 
-    def record(self, stepper: Stepper, t: float) -> None:
-        """Record the state at a time within the last step, or at its end, as a sample."""
+    def record(self, stepper: Stepper, t: float) -> tuple[float, Array, Array]:
+        """Record the state at a time within the last step, or at its end; return time, packed state and turns."""
         layout = self._layout
         contacts = len(layout.mechanism.contacts)
         y, impulse, loss, turns = stepper.sample(t)
@@ -91,6 +91,7 @@ class Samples:
         self._impulses.append(impulse)
         self._modes.append(site_modes(layout, stepper.modes)[:contacts])
         self._losses.append(loss - stepper.equations.stored(stepper.modes.pressed))
+        return t, y, turns
 
     def add(self, time: float, kind: str, site: int) -> None:
         """Add an event."""

@@ -38,6 +38,7 @@ from consilience.reference.contact.lasting import (
 from consilience.reference.contact.layout import layout_of
 from consilience.reference.contact.row_modes import RowModes, open_modes
 from consilience.reference.contact.samples import ContactEvent, Samples
+from consilience.reference.contact.self_check import check_laws, refuse_jam
 from consilience.reference.contact.slip_headings import STILL, STOPPED, SlipHeadings
 from consilience.reference.contact.stepper import Stepper
 
@@ -155,7 +156,8 @@ class _ContactSimulation:
     def _record(self, until: float) -> None:
         """Record the samples that the last step has reached."""
         while self.recorded < len(self.times) and self.times[self.recorded] <= until:
-            self.samples.record(self.stepper, float(self.times[self.recorded]))
+            at = self.samples.record(self.stepper, float(self.times[self.recorded]))
+            check_laws(self.equations, self.stepper.modes, at, self.speed)
             self.recorded += 1
 
     # ------------------------------------------------------------------------------------------------------- steps
@@ -168,6 +170,8 @@ class _ContactSimulation:
         if self.slips.leave_line(stepper, self.speed):
             stepper.go_back_to(stepper.t)
         self.speed = self._speeds()
+        if any(heading is not None for heading in stepper.modes.heading):
+            refuse_jam(self.equations, stepper.respond(stepper.t, stepper.y), stepper.modes, stepper.t)
         nodes = np.linspace(stepper.started, stepper.t, PARTS + 1)
         armed = self.functions.armed.copy()
         found = first_zero(self._values, nodes, self.functions.armed, self.functions.watches)
@@ -301,6 +305,23 @@ class _ContactSimulation:
         self.bounces.note(found)
 
     def _decide(
+        self,
+        response: Response,
+        touching: Array,
+        sliding: Array,
+        previous: RowModes | None,
+        opened: frozenset[int],
+        started: dict[int, Array],
+    ) -> LastingContact:
+        """Decide the modes, as `_decided`; a failure tells the time."""
+        try:
+            return self._decided(response, touching, sliding, previous, opened, started)
+        except NumericalFailure as failure:
+            if "t = " in str(failure):
+                raise
+            raise NumericalFailure(f"t = {self.stepper.t:.12g} s: {failure}") from failure
+
+    def _decided(
         self,
         response: Response,
         touching: Array,
