@@ -240,7 +240,7 @@ def test_every_link_leads_somewhere(page):
         assert not anchor or anchor in anchors(path), f"{page.name}: {link}"
 
 
-GENERATED = ("explained", "choose", "library", "findings/index", "api/index")
+GENERATED = ("explained", "choose", "contact", "library", "findings/index", "api/index")
 """Pages that docs/site_pages.py generates; the site build, with warnings as errors, checks links to them."""
 
 
