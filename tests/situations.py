@@ -209,6 +209,14 @@ SITUATIONS = (
     ),
     Situation("a convex law", lambda h, s: OTHER + 1e-5, M, "associated cone", order=None, other="associated cone"),
     Situation("springs for rigid shapes", lambda h, s: OTHER + 1e-5, R, "compliance", order=None, other="compliance"),
+    Situation(
+        "slow rebounds that are none",
+        lambda h, s: OTHER + 1e-5,
+        M,
+        "restitution threshold",
+        order=None,
+        other="restitution threshold",
+    ),
     Situation("neither law", lambda h, s: 2.0 * OTHER + h**2, M, "elsewhere", other="cone shape"),
     # ---------------------------------------------------------------- regularisation
     Situation("soft in proportion", lambda h, s: 1e-4 * s, R, "softness", soft=True),

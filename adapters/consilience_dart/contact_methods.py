@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,9 @@ CONTACT_FEATURES = (
     "capsule on plane contact, moving plane contact, contact restitution, contact friction, stop, dry friction"
 )
 
+THRESHOLD, CAP = 0.1, 100.0
+"""Speeds of rebound in m/s: up to the first DART gives none, and no more than the second; there is no setter."""
+
 REASONS = {
     "disc on plane contact": "DART finds no contact of a cylinder's rim with a plane",
     "pyramid cone": "DART has circles and boxes",
@@ -27,12 +31,10 @@ REASONS = {
     "torsional friction": "DART has no torsional friction",
     "rolling friction": "DART has no rolling friction",
     "compliant contact": "DART's contacts are rigid",
+    "rebound threshold": f"DART has its own, of {THRESHOLD:g} m/s",
     "stop restitution": "DART's joint limits do not bounce",
     "dry friction of a reaction": "DART's Coulomb friction of joints has a constant bound",
 }
-
-THRESHOLD, CAP = 0.1, 100.0
-"""Speeds of rebound in m/s: up to the first DART gives none, and no more than the second; there is no setter."""
 
 CONES = "World.step with FbfFrictionSolver"
 EXTRAPOLATED = f"{CONES}, extrapolated"
@@ -68,10 +70,18 @@ def _box_axis(normal: Array) -> Array:
     return axis / np.linalg.norm(axis) if float(np.linalg.norm(axis)) > 1e-6 else _AXES[0]
 
 
+def threshold_law(mechanism: Mechanism) -> ContactLaw | None:
+    """Return DART's threshold of rebounds as a law of all contacts; None where nothing rebounds."""
+    rebounds = any(contact.restitution > 0.0 for contact in mechanism.contacts)
+    return ContactLaw(rebound_threshold=THRESHOLD) if rebounds else None
+
+
 def default_law(mechanism: Mechanism) -> ContactLaw | None:
-    """Return DART's box as a law of all contacts; None where no one tangent gives it for all of them."""
+    """Return DART's box and threshold as a law of all contacts; None where no one tangent gives it for all of them."""
     rubbing: list[Any] = [contact for contact in mechanism.contacts if contact.friction > 0.0]
-    if not rubbing or any(c.partner != GROUND or not hasattr(c, "normal") for c in rubbing):
+    if not rubbing:
+        return threshold_law(mechanism)
+    if any(c.partner != GROUND or not hasattr(c, "normal") for c in rubbing):
         return None
     cone = Cone("box", tangent=tuple(float(x) for x in _box_axis(rubbing[0].normal)))  # type: ignore[arg-type]
     for contact in rubbing:
@@ -79,7 +89,7 @@ def default_law(mechanism: Mechanism) -> ContactLaw | None:
         across = wanted - (wanted @ np.array(cone.tangent)) * np.array(cone.tangent)
         if float(np.linalg.norm(across)) > 1e-9:
             return None
-    return ContactLaw(cone=cone)
+    return replace(threshold_law(mechanism) or ContactLaw(), cone=cone)
 
 
 def unilateral_methods(mechanism: Mechanism, question: Question, loops: bool) -> tuple[Method, ...]:
@@ -101,10 +111,11 @@ def unilateral_methods(mechanism: Mechanism, question: Question, loops: bool) ->
         settings = settings | {"step": steps, "FbfFrictionSolver.maxOuterIterations": MOST_ITERATIONS}
         settings["FbfFrictionSolver.tolerance"] = FINE
         return (Method(INSTANT, Route.EXTRAPOLATED, settings=settings, contact_law=circle),)
+    law = threshold_law(mechanism)
     box = f"box along normal x world z, or along x and y of the world where the normal is z; {_IMPACT}"
     return (
-        Method(CONES, Route.TUNED, 1, (10, 20, 40), settings=settings, contact_law=circle),
-        Method(EXTRAPOLATED, Route.EXTRAPOLATED, 3, (4, 8, 16), settings=settings, contact_law=circle),
+        Method(CONES, Route.TUNED, 1, (10, 20, 40), settings=settings, contact_law=circle, law=law),
+        Method(EXTRAPOLATED, Route.EXTRAPOLATED, 3, (4, 8, 16), settings=settings, contact_law=circle, law=law),
         Method(
             BOX,
             Route.NATIVE,

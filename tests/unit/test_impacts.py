@@ -555,6 +555,22 @@ def test_bounces_that_accumulate_end_at_their_limit_and_the_ball_stays_on_the_fl
     assert abs(np.sum(answer.contact_impulse[:, 0, 2]) - 9.81 * mechanism.bodies[0].mass * 2.0) < 1e-10
 
 
+def test_a_rebound_up_to_the_threshold_is_none():
+    """The third rebound of a fall from 1 m at e = 0.5 would have 0.5^3 sqrt(2 g) = 0.5537 m/s."""
+    fall = np.sqrt(2 / 9.81)
+    instants = fall * np.array([1.0, 2.0, 2.5])  # and the third impact is the last
+    laws = {0.553: 4, 0.554: 3}
+    for threshold, count in laws.items():
+        contact = replace(floor("a", 0.5), rebound_threshold=threshold)
+        mechanism = replace(floating(ball("a"), gravity=-9.81 * Z), contacts=(contact,))
+        answer, events = simulate_with_contacts(mechanism, at_rest([0, 0, 1.1]), np.array([0.0, 2.0]))
+        hits = [event.time for event in events if event.kind == "impact"]
+        assert len(hits) == count
+        np.testing.assert_allclose(hits[:3], instants, rtol=0, atol=1e-11)
+        np.testing.assert_allclose(answer.p_WB[-1, 0], 0.1 * Z, rtol=0, atol=1e-11)
+        assert answer.contact_mode[-1].tolist() == [1]
+
+
 def test_a_body_at_rest_on_the_floor_stays_with_its_weight_as_the_force():
     mechanism = replace(floating(ball("a"), gravity=-9.81 * Z), contacts=(floor("a", 0.5),))
     answer, events = simulate_with_contacts(mechanism, at_rest([0, 0, 0.1]), np.array([0.0, 2.0]))

@@ -118,6 +118,8 @@ class SurfaceLaw:
     ----------
     restitution : float
         Coefficient e of the impact law, 0 to 1.
+    rebound_threshold : float, m/s
+        Rebounds ``e |u_n-|`` up to this speed are none.
     friction : float
         Coulomb's coefficient mu of sliding.
     static_friction : float or None
@@ -134,6 +136,7 @@ class SurfaceLaw:
     """
 
     restitution: float = 0.0
+    rebound_threshold: float = 0.0
     friction: float = 0.0
     static_friction: float | None = None
     cone: Cone = field(default_factory=Cone)
@@ -146,6 +149,8 @@ class SurfaceLaw:
     def check_law(self, where: str) -> None:
         """Refuse numbers out of range, and parts that have no meaning together."""
         in_range(f"{where}: restitution", self.restitution, 0.0, 1.0, "Choose 0 to 1.")
+        speed = "Give a speed of at least 0, in m/s."
+        in_range(f"{where}: rebound_threshold", self.rebound_threshold, 0.0, np.inf, speed)
         for name in ("friction", "torsional", "rolling"):
             remedy = "Give a coefficient of at least 0." if name == "friction" else "Give a length of at least 0, in m."
             in_range(f"{where}: {name}", getattr(self, name), 0.0, np.inf, remedy)
@@ -173,8 +178,10 @@ class ContactLaw:
     cone : Cone or None
     associated : bool or None
     compliance : Compliance or None
+    rebound_threshold : float or None, m/s
     """
 
     cone: Cone | None = None
     associated: bool | None = None
     compliance: Compliance | None = None
+    rebound_threshold: float | None = None

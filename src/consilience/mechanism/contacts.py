@@ -47,6 +47,7 @@ class _Pair(SurfaceLaw):
         yield f"{_SHAPES[type(self).__name__]} contact"
         for has, feature in (
             (self.restitution > 0.0, "contact restitution"),
+            (self.restitution > 0.0 and self.rebound_threshold > 0.0, "rebound threshold"),
             (self.friction > 0.0, "contact friction"),
             (self.static_friction not in (None, self.friction), "static friction"),
             (self.cone.kind != "circle", f"{self.cone.kind} cone"),

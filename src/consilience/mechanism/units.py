@@ -122,7 +122,7 @@ _FACTORS: dict[str, dict[str, str]] = {
         ),
         "length",
     )
-    | {"compliance": "compliance"},
+    | {"compliance": "compliance", "rebound_threshold": "length / time"},
     "stops": {"lower": "coordinate", "upper": "coordinate"},
     "dry_frictions": {"bound": "|effort|", "radius": "length"},
 }
@@ -143,6 +143,7 @@ def _factors(length: float, force: float, time: float, coordinate: float, effort
     return {
         "one": 1.0,
         "length": length,
+        "length / time": length / time,
         "force": force,
         "force / length": force / length,
         "force time / length": force * time / length,

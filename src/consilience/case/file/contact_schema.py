@@ -44,6 +44,7 @@ class ContactTable(TableModel):
     partner_at: Triple | None = Field(None, description="Centre of the other sphere in the drawing, m.")
     partner_radius: Finite | None = Field(None, description="Of the other sphere, m.")
     restitution: Finite = Field(0.0, description="Coefficient of restitution, 0 to 1.")
+    rebound_threshold: Finite = Field(0.0, description="Rebounds up to this speed are none, m/s.")
     friction: Finite = Field(0.0, description="Coefficient of Coulomb's friction.")
     static_friction: Finite | None = Field(None, description="Coefficient of sticking; default: friction.")
     cone: ConeTable | None = Field(None, description="Default: Coulomb's circle.")

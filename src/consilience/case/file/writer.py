@@ -296,7 +296,7 @@ def _contact(c: Contact, m: Mechanism) -> TomlTable:
 def _surface(c: Contact, m: Mechanism) -> TomlTable:
     """Restitution and friction of a contact, and those of its other laws that are not at their defaults."""
     table: TomlTable = {"restitution": c.restitution, "friction": c.friction}
-    for name in ("static_friction", "associated", "impact_law", "torsional", "rolling"):
+    for name in ("rebound_threshold", "static_friction", "associated", "impact_law", "torsional", "rolling"):
         if getattr(c, name) != getattr(SurfaceLaw(), name):
             table[name] = getattr(c, name)
     if c.cone != Cone():

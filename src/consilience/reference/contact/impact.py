@@ -145,7 +145,9 @@ def solve_impact(
     response = stepper.respond(time, stepper.y)
     at_rest = AT_REST * velocity_scale(mechanism, state)
     taking = equations.rows.u[list(layout.normals)] <= at_rest
-    return apply_impact(equations, response, stepper, taking, layout.restitution, at_rest)[0]
+    return apply_impact(
+        equations, response, stepper, taking, layout.rebounds(-equations.rows.u[list(layout.normals)]), at_rest
+    )[0]
 
 
 def apply_impact(

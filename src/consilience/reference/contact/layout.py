@@ -48,6 +48,7 @@ class RowLayout:
     gaps : ndarray of int, shape (n_n,)
         Index of each normal in `RowMotion.gap`.
     restitution : ndarray, shape (n_n,)
+    rebound_threshold : ndarray, shape (n_n,), m/s
     friction : tuple of FrictionSet
         The load of a compliant contact is its normal row. Bounds that are reactions of joints have the offset 0.
     dry : tuple of DryFriction or None, length of `friction`
@@ -66,6 +67,7 @@ class RowLayout:
     springs: tuple[int, ...]
     gaps: Array
     restitution: Array
+    rebound_threshold: Array
     friction: tuple[FrictionSet, ...]
     dry: tuple[Any, ...]
 
@@ -73,6 +75,11 @@ class RowLayout:
         """Return the part of a normal (index into `normals`); None for a side of a stop."""
         row = int(self.normals[normal])
         return row // 3 if row < 3 * len(self.parts) else None
+
+    def rebounds(self, approach: Array) -> Array:
+        """Return the restitution of each normal for a speed of approach (n_n,), m/s; 0 up to its threshold."""
+        slow = self.restitution * np.maximum(approach, 0.0) <= self.rebound_threshold
+        return np.where(slow & (self.rebound_threshold > 0.0), 0.0, self.restitution)
 
     @property
     def sites(self) -> tuple[str, ...]:
@@ -185,6 +192,7 @@ def layout_of(mechanism: Mechanism) -> RowLayout:
         springs=tuple(k for k, part in enumerate(parts) if part.compliance is not None),
         gaps=np.array([*rigid, *range(len(parts), len(parts) + sides)], dtype=np.int64),
         restitution=np.array([*(parts[k].restitution for k in rigid), *restitution]),
+        rebound_threshold=np.array([*(parts[k].rebound_threshold for k in rigid), *np.zeros(sides)]),
         friction=(*friction, *dry_sets),
         dry=(*(None for _ in friction), *mechanism.dry_frictions),
     )

@@ -365,9 +365,9 @@ class _ContactSimulation:
             if not np.any(strikes):
                 return hit
             taking = touching & (rate <= still)
-            restitution = self.layout.restitution.copy()
+            restitution = self.layout.rebounds(-rate)
             for n in np.flatnonzero(taking & (rate < 0.0)):
-                restitution[n] = self._restitution(int(n), -float(rate[n]))
+                restitution[n] = self._restitution(int(n), -float(rate[n]), float(restitution[n]))
             record, velocity, forces = apply_impact(
                 self.equations, response, stepper, taking, restitution, still, self.law
             )
@@ -379,12 +379,12 @@ class _ContactSimulation:
             stepper.place(velocity, stepper.contact_forces(forces), loss)
         raise NumericalFailure(f"{_CHAIN} impacts at the instant t = {stepper.t:.12g} s: velocities do not settle")
 
-    def _restitution(self, n: int, speed: float) -> float:
-        """Return the restitution of an impact of normal n: zero for its last."""
+    def _restitution(self, n: int, speed: float, e: float) -> float:
+        """Return the restitution of an impact of normal n, e but for its last: zero."""
         if speed < _CRAWL * self.speed:
             return 0.0
         rest = self.bounces.last(n, speed)
         if rest is None:
-            return float(self.layout.restitution[n])
+            return e
         self.samples.add(self.stepper.t + rest, "bounces end", int(self.layout.site[self.layout.normals[n]]))
         return 0.0

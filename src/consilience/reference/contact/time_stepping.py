@@ -112,7 +112,7 @@ class _Scheme:
         before = rows.u[self._normals]
         closed = rows.gap[layout.gaps] <= _CLOSED * self._model.length
         rebound = np.zeros(len(free))
-        rebound[self._normals] = layout.restitution * np.minimum(before, 0.0)
+        rebound[self._normals] = layout.rebounds(-before) * np.minimum(before, 0.0)
         act = np.zeros(len(free), dtype=np.bool_)
         act[self._normals[closed]] = True
         offsets = h * equations.offsets
