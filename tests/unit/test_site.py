@@ -125,6 +125,11 @@ def test_the_score_counts_what_the_edition_froze_and_says_what_does_not_count(tm
     (score,) = write_site([tmp_path / "quick"], tmp_path / "other", EDITION).scores
     assert score.note == "of 0 cases; 3 cases not asked; 1 case asked quickly"
     assert score.shares == []
+    # a quick run after a full one of the same version takes nothing away
+    report(tmp_path / "quick" / "two", [motion("arm", "alpha", 9.0)], {"alpha": "1.0"}, day=2)
+    report(tmp_path / "quick" / "three", [motion("arm", "alpha", 5.0)], {"alpha": "1.0"}, day=3, quick=True)
+    (score,) = write_site([tmp_path / "quick"], tmp_path / "other", EDITION).scores
+    assert (score.of, score.agreeing) == (1, (1, 1, 1, 0))
 
 
 def test_a_cell_leads_to_its_finding_and_the_finding_to_its_thread(tmp_path):

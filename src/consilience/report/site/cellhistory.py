@@ -136,6 +136,12 @@ class CellHistory:
         return self.entries[-1]
 
     @property
+    def in_full(self) -> HistoryEntry:
+        """Last entry of the newest version that was asked in full; the current one if there is none."""
+        newest = [entry for entry in self.entries if entry.version == self.current.version]
+        return next((entry for entry in reversed(newest) if not entry.report.quick), self.current)
+
+    @property
     def findings(self) -> list[str]:
         """Findings that show in an entry."""
         return sorted({name for entry in self.entries for name in entry.line["findings"]})

@@ -79,11 +79,11 @@ def why_not(entry: HistoryEntry | None, digest: str) -> str:
 
 
 def scores(cells: Sequence[CellHistory], edition: Edition) -> list[Score]:
-    """Return the score of all engines, then of each, by the last answers of their newest versions.
+    """Return the score of all engines, then of each, by the last full answers of their newest versions.
 
     Formulations of the reference are no engines here. A case counts for all engines if it counts for each.
     """
-    current = grouped((c.engine, (c.case, c.current)) for c in cells if c.engine.partition(":")[0] != REFERENCE)
+    current = grouped((c.engine, (c.case, c.in_full)) for c in cells if c.engine.partition(":")[0] != REFERENCE)
     last = {engine: dict(found) for engine, found in current.items()}
     groups = {ALL: list(last)} if len(last) > 1 else {}
     return [_score(name, [last[e] for e in own], edition) for name, own in (groups | {e: [e] for e in last}).items()]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import islice
 from statistics import median
 from typing import Any
 
@@ -161,15 +160,9 @@ def _version(version: str, entries: Sequence[HistoryEntry], steps: Sequence[Cell
 def _steps(cells: Sequence[CellHistory]) -> tuple[CellStep, ...]:
     """List steps of versions: those to the worse first, the gravest and latest first."""
     steps = [step for cell in cells for step in cell.steps]
-    return tuple(
-        islice(
-            sorted(
-                sorted(steps, key=lambda step: version_order(step.after.version), reverse=True),
-                key=lambda step: (not step.worse, -RANK[step.after.line["verdict"]]),
-            ),
-            MOST_STEPS,
-        )
-    )
+    latest_first = sorted(steps, key=lambda step: version_order(step.after.version), reverse=True)
+    gravest_first = sorted(latest_first, key=lambda step: (not step.worse, -RANK[step.after.line["verdict"]]))
+    return tuple(gravest_first[:MOST_STEPS])
 
 
 def drawn_history(cell: CellHistory) -> dict[str, Any] | None:
