@@ -1,4 +1,4 @@
-"""Contacts on springs and dampers, and friction that reactions of joints bound, against closed forms."""
+"""Contacts on springs and dampers, friction that reactions of joints bound, friction moments: closed forms."""
 
 import numpy as np
 import pytest
@@ -109,3 +109,41 @@ def test_friction_of_a_reaction_that_is_shared_is_refused():
     mechanism = bead_on_rod(LEVEL, twice=True)
     with pytest.raises(NumericalFailure, match="dry friction 'fit': constraints that depend on one another leave"):
         contact_instant(mechanism, [sliding(mechanism, 0.2, 1.0)])
+
+
+def test_drilling_friction_stops_a_spinning_ball_and_nothing_else():
+    """``I w' = -tau m g``: the spin falls linearly, over the angle ``I w^2 / (2 tau m g)``; the ball stays."""
+    tau, spin, inertia = 0.004, 9.0, BALL[2]
+    mechanism = LAB.free_body(2.0, BALL, LEVEL, [LAB.sphere(0.1, friction=0.3, torsional=tau)])
+    stops = inertia * spin / (tau * 2.0 * G)
+    times = np.array([0.0, 0.5 * stops, stops + 0.3])
+    answer, events = simulate_with_contacts(mechanism, LAB.state([0, 0, 0.1], [0, 0, 0], [0, 0, spin]), times, 1e-13)
+    assert LAB.centre(answer, 1)[2] == pytest.approx([0, 0, 0.5 * spin], abs=STATE)
+    position, velocity, rate = LAB.centre(answer)
+    assert [*position, *velocity, *rate] == pytest.approx([0, 0, 0.1, *np.zeros(6)], abs=STATE)
+    assert answer.contact_loss[-1] == pytest.approx(0.5 * inertia * spin**2, abs=STATE)
+    turned_by = 0.5 * spin * stops
+    start = LAB.state([0, 0, 0.1], [0, 0, 0])
+    R = LAB.axes.T @ answer.state(2).R_WB[0] @ start.R_WB[0].T @ LAB.axes
+    expected = [[np.cos(turned_by), -np.sin(turned_by), 0], [np.sin(turned_by), np.cos(turned_by), 0], [0, 0, 1]]
+    assert pytest.approx(np.array(expected), abs=STATE) == R
+    assert all(event.time <= stops + TIME for event in events)
+
+
+@pytest.mark.parametrize("friction", [0.4, 0.02], ids=["rolls", "slips"])
+def test_rolling_friction_slows_a_ball_while_it_rolls_or_slips(friction):
+    """Rolling: ``(I + m r^2) w' = -rho m g``; slipping: ``I w' = mu m g r - rho m g`` and ``v' = -mu g``."""
+    rho, r, v, m, inertia, t = 0.003, 0.1, 1.4, 2.0, BALL[0], 0.4
+    mechanism = LAB.free_body(m, BALL, LEVEL, [LAB.sphere(r, friction=friction, rolling=rho)])
+    heading, across = np.array([0.6, 0.8, 0.0]), np.array([-0.8, 0.6, 0.0])
+    if friction == 0.4:
+        spin, stops = v / r, v * (inertia + m * r**2) / (rho * m * G * r)
+        path, rate, times = v**2 / (2 * v / stops), 0.0, [0.0, stops + 0.2]
+    else:
+        spin, times = 0.5 * v / r, [0.0, t]
+        path, rate = v * t - friction * G * t**2 / 2, spin + (friction * m * G * r - rho * m * G) / inertia * t
+    start = LAB.state([0, 0, r], v * heading, spin * across)
+    answer, _ = simulate_with_contacts(mechanism, start, np.array(times), 1e-13)
+    position, _, turning = LAB.centre(answer)
+    assert position == pytest.approx(path * heading + [0, 0, r], abs=STATE)
+    assert turning == pytest.approx(rate * across, abs=STATE)

@@ -38,7 +38,8 @@ DISPLACED, SENSITIVE = 1e-7, 1e3
 
 REASONS = {
     "indeterminate": "the laws allow several accelerations",
-    "no solution": "no forces satisfy the laws: contacts jam (Painleve), or events do not settle",
+    "no solution": "no forces satisfy the laws: contacts jam (Painleve)",
+    "unsettled": "events at one instant follow one another without end",
     "sensitive": "grazing: nearby starts part",
     "wide band": "the levels of time stepping are too far apart",
 }
@@ -86,7 +87,8 @@ def compare(seed: int) -> ContactComparison:
         motion, events = simulate_with_contacts(mechanism, start, TIMES, TOLERANCE, "moreau")
         levels = [step_with_contacts(mechanism, start, TIMES, steps).p_WB for steps in LEVELS]
     except NumericalFailure as failure:
-        reason = "indeterminate" if "several accelerations" in str(failure) else "no solution"
+        told = {"several accelerations": "indeterminate", "do not settle": "unsettled"}
+        reason = next((name for words, name in told.items() if words in str(failure)), "no solution")
         return replace(found, reason=reason, message=str(failure))
     off, band = _sizes(motion.p_WB - levels[-1]), SAFETY * band_of(levels) + FLOOR
     worst = int(np.argmax(off / band))
