@@ -70,13 +70,17 @@ def test_the_planted_version_is_named_and_the_one_that_does_not_install_is_said(
     assert sorted(f.parent.name for f in tmp_path.glob("*/report.html")) == ["1.10", "1.9", "2.1"]
 
 
-def test_a_range_without_a_version_is_answered_with_what_pip_finds(published):
+def test_a_range_without_a_version_is_answered_with_what_pip_finds(published, monkeypatch):
     with pytest.raises(InvalidInput, match=r"pip finds no version from 4\.0 to 5\.0; it finds 1\.9 to 2\.1"):
         versions_of("graded@4.0..5.0")
     with pytest.raises(InvalidInput, match=r"Invalid version: 'new'; write a range such as"):
         versions_of("graded@1.9..new")
     with pytest.raises(InvalidInput, match="it is no range of versions"):
         versions_of("graded@1.9")
+    monkeypatch.setenv("PIP_NO_INDEX", "1")
+    monkeypatch.setenv("PIP_FIND_LINKS", "")
+    with pytest.raises(InvalidInput, match="pip cannot list its versions: ERROR: No matching distribution"):
+        versions_of("graded@1.9..2.1")
 
 
 # ---------------------------------------------------------------- the action and the workflow

@@ -48,7 +48,8 @@ def versions_of(text: str) -> tuple[str, list[str]]:
     try:
         return engine, published_versions(engine, first, last)
     except NoEnvironment as error:
-        raise InvalidInput(f"engine '{text}'", str(error), "`consilience list` names the engines.") from None
+        reason = str(error).removeprefix(f"engine '{engine}': ")
+        raise InvalidInput(f"engine '{text}'", reason, "`consilience list` names the engines.") from None
 
 
 def bisect(

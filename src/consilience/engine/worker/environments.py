@@ -105,11 +105,14 @@ def published_versions(engine: str, first: str, last: str) -> list[str]:
         lowest, highest = Version(first), Version(last)
     except InvalidVersion as error:
         raise NoEnvironment(f"engine '{engine}': {error}; write a range such as 3.3..4.0") from None
-    distribution, *_ = (
-        (_package(engine, _point(engine, split_name(engine)[0])) / REQUIREMENTS).read_text("utf-8").split()
-    )
+    package = _package(engine, _point(engine, split_name(engine)[0]))
+    distribution, *_ = (package / REQUIREMENTS).read_text(encoding="utf-8").split()
     command = [sys.executable, "-m", "pip", "index", "versions", "--disable-pip-version-check", distribution]
-    listed = _PUBLISHED.search(_run(f"{distribution} of any version", command, lambda: False))
+    try:
+        listed = _PUBLISHED.search(_run(distribution, command, lambda: False))
+    except NoEnvironment as error:
+        reason = str(error).partition(": ")[2]
+        raise NoEnvironment(f"engine '{engine}': pip cannot list its versions: {reason}") from None
     found = sorted(map(Version, listed["versions"].split(", ") if listed else ()))
     chosen = [str(version) for version in found if lowest <= version <= highest]
     if not chosen:
