@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from consilience.engine.native import FRICTION, JET, ROWS, SOLVE, function_data, refuse_contacts, row_data, script
-from consilience.mechanism import GROUND, RANK_TOLERANCE, Joint, Mechanism, State, linear
+from consilience.mechanism import GROUND, RANK_TOLERANCE, Joint, Mechanism, State, characteristic_length, linear
 from consilience_exudyn.constraints import Added, rate_map, rotation
 from consilience_exudyn.efforts import efforts_of
 from consilience_exudyn.export_rows import CONNECTIONS
@@ -201,6 +201,7 @@ def export_model(title: str, mechanism: Mechanism, state: State) -> dict[str, st
         **_rows(model),
         "BODIES": {body.name: [body.name, np.zeros(3), np.eye(3)] for body in mechanism.bodies},
         "JOINTS": native,
+        "LENGTH": characteristic_length(mechanism),
         "RODS": [[number, length] for number, length in rods.items()],
         "DISCS": _discs(model),
         "Q": np.append(coordinates(state), np.zeros(model.integrals)),

@@ -139,7 +139,7 @@ def contact(disc):
 def accelerations():
     """Acceleration of the origin and angular acceleration of each body, world axes."""
     q, v, T = np.array(Q), np.array(V), velocity_map()
-    c = convective_terms(q, v, LENGTHS, place, algebraic)[ROWS]
+    c = convective_terms(q, v, LENGTHS, LENGTH, place, algebraic)[ROWS]
     place(q, v)
     ANGLES.clear()  # the stencil has counted turns of distant states
     SOLVER.ComputeMassMatrix(SYSTEM)

@@ -15,7 +15,14 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag
 
-from consilience.mechanism import Array, SphereSphere, State, euler_parameter_matrix, rotation_from_quaternion
+from consilience.mechanism import (
+    Array,
+    SphereSphere,
+    State,
+    characteristic_length,
+    euler_parameter_matrix,
+    rotation_from_quaternion,
+)
 from consilience_exudyn.contacts import AT_INSTANT, OVERLAP_OF_SPHERES, parts_of, set_overlap
 from consilience_exudyn.library import POINTWISE, exu, simulation_settings
 from consilience_exudyn.maximal import Maximal, coordinates, count_turns, place, velocities
@@ -50,12 +57,18 @@ def velocity_map(state: State) -> Array:
 
 
 def convective_terms(
-    q: Array, v: Array, lengths: Array, place: Callable[[Array, Array], None], algebraic: Callable[[bool], Array]
+    q: Array,
+    v: Array,
+    lengths: Array,
+    size: float,
+    place: Callable[[Array, Array], None],
+    algebraic: Callable[[bool], Array],
 ) -> Array:
     """Return ``c = d/ds C'(q + s v, v)`` of all algebraic rows by a central stencil with a large step.
 
-    The stencil is exact for polynomials of degree four. C is a polynomial in the Euler parameters, C' along a straight
-    line a polynomial of degree four at most. The equation ``|d| - L`` of a rod is no polynomial, but ``|d| C'`` is, and
+    The stencil is exact for polynomials of degree four; the step moves coordinates by a quarter of a length or of an
+    Euler parameter, in any units. C is a polynomial in the Euler parameters, C' along a straight line a polynomial of
+    degree four at most. The equation ``|d| - L`` of a rod is no polynomial, but ``|d| C'`` is, and
     where ``C' = 0`` its derivative is ``|d| c``. Exported scripts contain the text of this function.
 
     Parameters
@@ -64,12 +77,15 @@ def convective_terms(
         Coordinates and rates.
     lengths : ndarray, shape (n_rows,), m
         Distance of the rod of each row; zero for rows that are polynomials.
+    size : float, m
+        Characteristic length of the mechanism.
     place : callable
         Sets coordinates and rates of the current configuration.
     algebraic : callable
         Returns the algebraic rows there: C' if its argument is true, else C.
     """
-    step = 0.25 / max(1.0, float(np.max(np.abs(v), initial=0.0)))
+    rate = float(np.max(np.abs(v) / np.resize([size] * 3 + [1.0] * 4, len(v)), initial=0.0))
+    step = 0.25 / rate if rate > 0.0 else 1.0
     rod = lengths > 0.0
     total = np.zeros(len(lengths))
     for point, weight in ((-2.0, 1.0), (-1.0, -8.0), (1.0, 8.0), (2.0, -1.0)):
@@ -101,7 +117,7 @@ class Terms:
         native = [index for objects in model.joints for index in objects if index not in added]
         self._native = sum(len(self._data.GetObjectLTGAE(index)) for index in native)
         self.rows = np.array([row for index in native + added for row in self._data.GetObjectLTGAE(index)], dtype=int)
-        self._lengths = self._rod_lengths()
+        self._lengths, self._length = self._rod_lengths(), characteristic_length(model.mechanism)
 
     def _rod_lengths(self) -> Array:
         """Distance of the rod of each algebraic row; zero for rows that are polynomials."""
@@ -130,7 +146,8 @@ class Terms:
         """Return all terms at a consistent state, at which the current configuration is left."""
         q, v = coordinates(state), velocities(state)
         count_turns(self.model, state, exu.ConfigurationType.Current)
-        c = convective_terms(q, v, self._lengths, self.place, self._algebraic)[self.rows][: self._native]
+        c = convective_terms(q, v, self._lengths, self._length, self.place, self._algebraic)
+        c = c[self.rows][: self._native]
         self.place(q, v)
         T = velocity_map(state)
         M, J = self._coordinate_mass(), self._coordinate_jacobian() @ T

@@ -18,6 +18,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from consilience.case import case_files, load_case, load_cases
 from consilience.compare import Verdict
 from consilience.compare.judge import REFERENCE
+from consilience.compare.motion import difference_over_time, size_of_motion
 from consilience.engine import Profile, Question
 from consilience.mechanism import Frame, Initial, Units, in_units
 from consilience.suite import Thoroughness, run_suite
@@ -66,10 +67,22 @@ def scaled(case, units):
     )
 
 
-def differences(case, units, engines=()):
+def moved(cases, units, runs):
+    """Where the reference's motion in other units is another one than in those of the first case."""
+    motions = {run.case: run.answer for run in runs if run.engine == REFERENCE and run.question is Question.TRAJECTORY}
+    first, mechanism = motions.get(cases[0].name), cases[0].mechanism
+    for case, one in zip(cases[1:], units, strict=True) if first is not None else ():
+        back = one.inverse.convert(motions[case.name])
+        off = float(np.max(difference_over_time(back, first, size_of_motion(mechanism, first))))
+        if not off <= 10.0 ** -cases[0].digits:
+            yield f"{case.name}: the motion differs by {off:.2g}"
+
+
+def differences(case, units, engines=(), questions=(Question.INSTANT, Question.TRAJECTORY)):
     """What differs between the comparisons of a case and of the case in other units; what is unsupported does not."""
     cases = [scaled(case, Units()), *(scaled(case, one) for one in units)]
-    found = run_suite(cases, list(engines), (Question.INSTANT, Question.TRAJECTORY), thoroughness=SHORT)
+    found = run_suite(cases, list(engines), questions, thoroughness=SHORT)
+    yield from moved(cases, units, found.runs)
     matched = [c for c in found.comparisons if c.profile is Profile.MATCHED]  # defaults have units of their own
     own = {one.name: [c for c in matched if c.case == one.name] for one in cases}
     first = own[cases[0].name]
@@ -85,9 +98,31 @@ def differences(case, units, engines=()):
                 yield f"{what}: {a.verdict} {a.digits}, {b.verdict} {b.digits} {b.why}"
 
 
+def test_a_force_that_is_not_converted_fails_the_campaign(monkeypatch, capsys):
+    convert = in_units
+
+    def forgetful(mechanism, *units):
+        return replace(convert(mechanism, *units), gravity=mechanism.gravity)
+
+    monkeypatch.setitem(globals(), "in_units", forgetful)
+    monkeypatch.setitem(globals(), "UNITS", UNITS[:1])
+    monkeypatch.setitem(globals(), "BINARY", BINARY[:1])
+    assert main(["single_revolute"]) == 1
+    assert "the motion differs by" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize("name", ["rssr_four_bar", "stiff_spring", "rolling_disc"])
 def test_a_case_in_other_units_has_the_same_verdicts_and_digits(name):
     assert not list(differences(load_case(name), [*UNITS[::3], Units(time=1e-6)]))
+
+
+@pytest.mark.parametrize("factor", [1e-6, 1e6])
+@pytest.mark.parametrize("engine", ["pinocchio", "dart", "exudyn"])
+def test_instants_on_engines_do_not_depend_on_units_of_length_and_mass(engine, factor):
+    """MuJoCo has bounds in kg and 1/s^2 of its own."""
+    units = [Units(length=factor), Units(mass=factor)]
+    case = replace(load_case("double_pendulum"), instants=3)
+    assert not list(differences(case, units, [engine], [Question.INSTANT]))
 
 
 def main(arguments=None):

@@ -25,7 +25,7 @@ def numerical_rank(J: Array) -> int:
 
 
 def solve_constrained(M: Array, f: Array, J: Array, gamma: Array) -> tuple[Array, Array]:
-    """Solve ``M a = f + J^T lam``, ``J a = gamma`` with dependent rows allowed.
+    """Solve ``M a = f + J^T lam``, ``J a = gamma`` with dependent rows allowed, by rows of unit length in any units.
 
     Parameters
     ----------
@@ -40,16 +40,20 @@ def solve_constrained(M: Array, f: Array, J: Array, gamma: Array) -> tuple[Array
     a : ndarray, shape (n,)
         Unique, whatever the rank of J.
     lam : ndarray, shape (r,)
-        Multipliers of least norm.
+        Multipliers of least norm, each times the length of its row over M.
     """
     L = np.linalg.cholesky(M)
     free = np.linalg.solve(L, f)
     Y = np.linalg.solve(L, J.T)
-    U, s, Vt = np.linalg.svd(Y, full_matrices=False)
+    lengths = np.linalg.norm(Y, axis=0)
+    lengths = np.maximum(
+        lengths, RANK_TOLERANCE * np.max(lengths, initial=np.finfo(float).tiny)
+    )  # of a row of rounding
+    U, s, Vt = np.linalg.svd(Y / lengths, full_matrices=False)
     rank = int(np.sum(s > RANK_TOLERANCE * s[0])) if len(s) else 0
-    along = (Vt[:rank] @ (gamma - Y.T @ free)) / s[:rank]
+    along = (Vt[:rank] @ ((gamma - Y.T @ free) / lengths)) / s[:rank]
     a = np.linalg.solve(L.T, free + U[:, :rank] @ along)
-    return a, Vt[:rank].T @ (along / s[:rank])
+    return a, Vt[:rank].T @ (along / s[:rank]) / lengths
 
 
 def require_stable(values: Array, step: float) -> None:
