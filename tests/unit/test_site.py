@@ -125,6 +125,12 @@ def test_the_score_counts_what_the_edition_froze_and_says_what_does_not_count(tm
     (score,) = write_site([tmp_path / "quick"], tmp_path / "other", EDITION).scores
     assert score.note == "of 0 cases; 3 cases not asked; 1 case asked quickly"
     assert score.shares == []
+    # what an engine cannot represent counts, and is said
+    refused = comparison("bar", "alpha", "trajectory", verdict="unsupported", digits=None)
+    report(tmp_path / "refused" / "one", [motion("arm", "alpha", 9.0), refused], {"alpha": "1.0"})
+    (score,) = write_site([tmp_path / "refused"], tmp_path / "third", EDITION).scores
+    assert score.agreeing == (1, 1, 1, 0)
+    assert score.note == "of 2 cases, 1 of them unsupported; 2 cases not asked"
     # a quick run after a full one of the same version takes nothing away
     report(tmp_path / "quick" / "two", [motion("arm", "alpha", 9.0)], {"alpha": "1.0"}, day=2)
     report(tmp_path / "quick" / "three", [motion("arm", "alpha", 5.0)], {"alpha": "1.0"}, day=3, quick=True)

@@ -31,8 +31,8 @@ class Score:
         Name, or `ALL`.
     agreeing : tuple of int
         Number of cases with agreement, for each of `DIGITS`.
-    of : int
-        Number of cases of the edition that count.
+    of, unsupported : int
+        Number of cases of the edition that count, and of those among them that an engine cannot represent.
     left_out : tuple of (str, int)
         Why other cases of the edition do not count, and how many.
     """
@@ -40,6 +40,7 @@ class Score:
     engine: str
     agreeing: tuple[int, ...]
     of: int
+    unsupported: int
     left_out: tuple[tuple[str, int], ...]
 
     @property
@@ -56,7 +57,8 @@ class Score:
     def note(self) -> str:
         """What the score is of, and what does not count, in words."""
         told = [f"{counted(count, 'case')} {why}" for why, count in self.left_out]
-        return "; ".join([f"of {counted(self.of, 'case')}", *told])
+        beyond = [f"{self.unsupported} of them unsupported"] * bool(self.unsupported)
+        return "; ".join([", ".join([f"of {counted(self.of, 'case')}", *beyond]), *told])
 
 
 def digits_of_agreement(entry: HistoryEntry) -> float:
@@ -90,15 +92,17 @@ def scores(cells: Sequence[CellHistory], edition: Edition) -> list[Score]:
 
 
 def _score(name: str, engines: Sequence[dict[str, HistoryEntry]], edition: Edition) -> Score:
-    agreeing, left_out, of = [0] * len(DIGITS), Counter[str](), 0
+    agreeing, left_out, of, unsupported = [0] * len(DIGITS), Counter[str](), 0, 0
     for case, digest in edition.digests.items():
         entries = [own.get(case) for own in engines]
         reasons = [reason for entry in entries if (reason := why_not(entry, digest))]
         if reasons:
             left_out[reasons[0]] += 1
             continue
+        found = [entry for entry in entries if entry is not None]
         of += 1
-        least = min(digits_of_agreement(entry) for entry in entries if entry is not None)
+        unsupported += any(Verdict.UNSUPPORTED in (e.line["model"], e.line["motion"]) for e in found)
+        least = min(map(digits_of_agreement, found))
         for n, digits in enumerate(DIGITS):
             agreeing[n] += least >= digits
-    return Score(name, tuple(agreeing), of, tuple(left_out.most_common()))
+    return Score(name, tuple(agreeing), of, unsupported, tuple(left_out.most_common()))
