@@ -21,7 +21,7 @@ from consilience.reference.steppers.driver import run as integrate
 from consilience.reference.tree.solver import prepare
 from consilience.reference.tree.state import pack_state
 
-NUMBER, ROUNDS = 5, 9
+NUMBER, ROUNDS, MANY = 5, 9, 200
 
 
 def double_pendulum() -> cs.Case:
@@ -44,18 +44,18 @@ def single(case: cs.Case) -> Table:
     """Return the table of one mechanism."""
     mechanism, states = case.mechanism, case.states
     state, times = case.initial_state, case.times
-    motion = least(lambda: cs.simulate(mechanism, state, times))
+    motion = least(lambda: cs.simulate(mechanism, state, times), rounds=MANY)
     about = f"{len(times)} samples over {case.duration:g} s. The ratio is that to one motion of `cs.simulate`."
     table = Table(f"One call of the library: {case.name}", about, ("what", "bar", "time", "ratio"))
     measured = {
         "`cs.simulate`, 1e-12": ("300 us", motion),
-        "`cs.initial_state`": ("500 us", least(lambda: cs.initial_state(mechanism, case.initial))),
+        "`cs.initial_state`": ("500 us", least(lambda: cs.initial_state(mechanism, case.initial), rounds=MANY)),
         "the same in NumPy": ("", least(lambda: plain.initial_state(mechanism, case.initial))),
         "`cs.accelerations`, a state of many": (
             "20 us",
-            least(lambda: cs.accelerations(mechanism, states)) / len(states),
+            least(lambda: cs.accelerations(mechanism, states), rounds=MANY) / len(states),
         ),
-        "`cs.accelerations`, one state": ("", least(lambda: cs.accelerations(mechanism, states[:1]))),
+        "`cs.accelerations`, one state": ("", least(lambda: cs.accelerations(mechanism, states[:1]), rounds=MANY)),
     }
     for what, (bar, seconds) in measured.items():
         table.rows.append([what, bar, f"{1e6 * seconds:.3g} us", f"{seconds / motion:.2g}"])
@@ -90,9 +90,9 @@ def _parts(case: cs.Case) -> list[str]:
     def kernels(samples: plain.Array) -> float:
         motion = np.empty((len(samples), *arrays.system.tree.y.shape))
         asked = MotionRequest(z, samples, 1e-12, prepared.longest)
-        return least(lambda: integrate(arrays.integration, asked, motion, True), rounds=50)
+        return least(lambda: integrate(arrays.integration, asked, motion, True), rounds=MANY)
 
-    whole = least(lambda: cs.simulate(mechanism, state, times), rounds=50)
+    whole = least(lambda: cs.simulate(mechanism, state, times), rounds=MANY)
     alone, sampled = kernels(times[[0, -1]]), kernels(times)
     done = cs.simulate(case).counters
     each = [done["steps"], done["evaluations"], f"{1e9 * alone / done['evaluations']:.0f}"]
