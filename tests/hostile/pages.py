@@ -7,6 +7,8 @@ from base64 import b64decode
 from html.parser import HTMLParser
 from xml.etree import ElementTree
 
+from consilience.report.picture import DARK
+
 TAGS = {
     *("html", "head", "meta", "title", "style", "body", "script"),
     *("header", "main", "nav", "section", "article", "details", "summary", "figure", "figcaption", "noscript"),
@@ -122,6 +124,9 @@ def check_markdown(page):
 def check_svg(picture):
     """Fail where a picture is not XML or holds elements that a drawing does not need."""
     for element in ElementTree.fromstring(picture).iter():
+        if element.tag == "{http://www.w3.org/2000/svg}style":
+            assert element.text == DARK
+            continue
         assert element.tag.removeprefix("{http://www.w3.org/2000/svg}") in SVG_TAGS, element.tag
         assert not [name for name in element.attrib if name.startswith("on") or "href" in name]
 
