@@ -45,4 +45,5 @@ def _aside(part: Any, magnitude: float) -> dict[str, Any]:
 
 
 def _on_partner(answer: Any, magnitude: float) -> None:
-    answer.contact_force[:] *= 1.0 - 2.0 * magnitude
+    if answer.contact_force is not None:  # a mechanism with stops alone has none
+        answer.contact_force[:] *= 1.0 - 2.0 * magnitude
