@@ -24,7 +24,7 @@ def run(code, cwd):
 
 @pytest.mark.parametrize(
     ("arguments", "heavy"),
-    [([], HEAVY | {"email"}), (["--help"], HEAVY | {"email"}), (["simulate", "--help"], HEAVY)],
+    [([], HEAVY | {"email"}), (["--help"], HEAVY | {"email", "rich"}), (["simulate", "--help"], HEAVY)],
     ids=["import", "help", "simulate help"],
 )
 def test_the_command_line_starts_without_numpy(arguments, heavy, tmp_path):

@@ -65,13 +65,17 @@ COLLECTOR_THRESHOLD = 50_000
 def command_of(name: str) -> Any:
     """Import a command and return it as Typer's command with its own arguments; KeyError for an unknown name."""
     module, function = LAZY_COMMANDS[name][0].split(".")
-    own = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+    own = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
     own.command(epilog=epilog(EXAMPLES[name]))(getattr(import_module(f"consilience.cli.commands.{module}"), function))
     return typer.main.get_command(own)
 
 
 class _LazyCommand(typer.core.TyperCommand):
     """A command that is imported when it is called: the list of all commands needs none of them."""
+
+    def get_short_help_str(self, limit: int = 0) -> str:
+        """Return the whole help for the list of commands, which wraps it."""
+        return self.help or ""
 
     def parse_args(self, context: Any, words: list[str]) -> list[str]:
         """Leave all words to the command itself."""
@@ -86,6 +90,11 @@ class _LazyCommand(typer.core.TyperCommand):
 
 class _Commands(typer.core.TyperGroup):
     """The group of all commands; completion in a shell imports the command whose arguments it completes."""
+
+    def format_help(self, context: Any, formatter: Any) -> None:
+        """Write plain help, as the commands do: it is there in half the time. Errors keep their frames."""
+        self.rich_markup_mode = None
+        super().format_help(context, formatter)
 
     def resolve_command(self, context: Any, words: list[str]) -> tuple[str | None, Any, list[str]]:
         """Return name and command of the first word, and the words after it."""
