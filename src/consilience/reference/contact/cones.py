@@ -133,7 +133,7 @@ def admissible_force(problem: ContactProblem, solution: ModeSolution, margin: St
     """Return the force of least norm in the cones; that of the widest margin where there is none but this."""
     cones = _Cones(problem, solution.modes)
     k = solution.undetermined.shape[1]
-    unit = _unit_of(solution)
+    unit = _unit_of(solution, cones)
     if k == 0 or float(np.min(cones.slack(solution.force), initial=np.inf)) >= 0.0:
         return solution.force
     if margin.value <= np.sqrt(_GAP) * unit:
@@ -145,13 +145,15 @@ def admissible_force(problem: ContactProblem, solution: ModeSolution, margin: St
     return solution.force + unit * (Z @ y)
 
 
-def _unit_of(solution: ModeSolution) -> float:
-    return float(np.max(np.abs(solution.force), initial=0.0)) or 1.0
+def _unit_of(solution: ModeSolution, cones: _Cones) -> float:
+    """Return the size of the forces and of constant bounds."""
+    sizes = (np.max(np.abs(part), initial=0.0) for part in (solution.force, cones.t))
+    return float(max(sizes)) or 1.0
 
 
 def _widest(cones: _Cones, solution: ModeSolution) -> Array:
     """Return the force of the widest margin."""
-    Z, unit = solution.undetermined, _unit_of(solution)
+    Z, unit = solution.undetermined, _unit_of(solution, cones)
     k = Z.shape[1]
     barrier = _Barrier(cones, solution.force / unit, Z, unit, with_margin=True)
     start = np.zeros(k + 1)
