@@ -14,7 +14,7 @@ for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[_variable] = "1"  # libraries read the variable when they are imported
 
 BENCHMARKS = ("accuracy", "limit", "evaluation", "compiled_cpp", "growth", "anatomy", "trajectories", "processes")
-BENCHMARKS += ("overhead", "studies")
+BENCHMARKS += ("overhead", "studies", "contact")
 """Modules of this folder, each with ``run(short)``, which yields tables; or one of `scripts.SCRIPTS`."""
 
 FOLDER = Path(__file__).parent

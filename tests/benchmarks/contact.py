@@ -1,0 +1,111 @@
+"""CPU time for a motion with contact of given accuracy: the reference against the engines' adapters, side by side."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+
+import numpy as np
+from tables import Table
+from timing import race, ratio, seconds
+
+from consilience.case import Case, shipped_cases
+from consilience.engine import Engine, Method, Question, Route, installed, load_engine
+from consilience.errors import ConsilienceError
+from consilience.mechanism import Array
+from consilience.reference.contact import simulate_with_contacts
+
+BARS = {1e-9: (10.0, "any route of any engine"), 1e-4: (1.0, "engines' own steps")}
+"""Largest error of the position of any body at any sample in m, with the least ratio of times, and what counts."""
+
+TRUTH = 1e-13
+TOLERANCES = (1e-6, 1e-8, 1e-10, 1e-12)
+LEVELS = 7
+"""Steps that are tried: a quarter of the sampling interval, and a quarter of that, and so on."""
+
+PATIENCE, AT_LEAST = 30.0, 0.2
+"""A method is given up where a run takes so many times as long as the reference, and so long in s."""
+
+SHORT = ("block_incline-down", "bowling-skid")
+
+
+def _chosen(short: bool) -> Iterator[Case]:
+    for case in shipped_cases():
+        if case.name in SHORT or (not short and "contact" in case.tags):
+            yield case
+
+
+def _error(run: Callable[[], Array], truth: Array) -> tuple[float, float]:
+    """Return the error of a run, infinite where it fails, and its CPU time."""
+    start = time.process_time()
+    try:
+        found = run()
+    except (ConsilienceError, ArithmeticError, ValueError, RuntimeError):
+        return np.inf, time.process_time() - start
+    return float(np.max(np.abs(found - truth))), time.process_time() - start
+
+
+def _motion(engine: Engine, case: Case, method: Method, step: float) -> Array:
+    return engine.trajectory(case.mechanism, case.initial_state, case.times, method, step).p_WB
+
+
+def _reference(case: Case, tolerance: float) -> Array:
+    return simulate_with_contacts(case.mechanism, case.initial_state, case.times, tolerance)[0].p_WB
+
+
+def _fastest(case: Case, truth: Array, target: float, patience: float) -> tuple[str, Callable[[], Array]] | None:
+    """Return the fastest run of any engine that reaches an accuracy, and how; of 1e-4 by its own steps alone."""
+    best: tuple[float, str, Callable[[], Array]] | None = None
+    for name in installed():
+        if name == "reference":
+            continue
+        engine = load_engine(name)
+        if engine.unsupported(case.mechanism, Question.TRAJECTORY):
+            continue
+        for method in engine.methods(case.mechanism, Question.TRAJECTORY):
+            if target == 1e-4 and method.route is not Route.NATIVE:
+                continue
+            for step in method.tolerances or [case.sample / 4**n for n in range(1, LEVELS + 1)]:
+                run = partial(_motion, engine, case, method, step)
+                error, cpu = _error(run, truth)
+                if error <= target and (best is None or cpu < best[0]):
+                    best = cpu, f"{name}, {method.name}, {step:.3g}", run
+                if error <= target or cpu > (patience if best is None else min(patience, best[0])):
+                    break
+    return None if best is None else best[1:]
+
+
+def run(short: bool) -> Iterator[Table]:
+    """Yield one table for each accuracy."""
+    columns = ("case", "over", "reference", "engine", "how", "engine / reference")
+    for target, (bar, what) in BARS.items():
+        about = (
+            f"Bar: {bar:g}. The fastest of {what}, as its adapter is called; both build the model within the time. "
+            f"A method is given up where a run takes {PATIENCE:g} times as long as the reference."
+        )
+        table = Table(f"A motion with contact to {target:.0e} m", about, columns)
+        for case in _chosen(short):
+            truth, own = _reference(case, TRUTH), None
+            for tolerance in TOLERANCES:
+                mine = partial(_reference, case, tolerance)
+                error, cpu = _error(mine, truth)
+                if error <= target:
+                    own = mine, max(PATIENCE * cpu, AT_LEAST)
+                    break
+            start = [case.name, f"{case.times[-1]:g} s"]
+            if own is None:
+                table.rows.append([*start, "not reached", "", "", ""])
+                continue
+            found = _fastest(case, truth, target, own[1])
+            if found is None:
+                alone = race({"reference": own[0]}, 3)["reference"].median
+                cells = [seconds(alone), f"none within {seconds(own[1])}", "", f"> {own[1] / alone:.2g}"]
+                table.rows.append([*start, *cells])
+            else:
+                samples = race({"reference": own[0], "engine": found[1]}, 3 if short else 5)
+                cells = [seconds(samples[name].median) for name in ("reference", "engine")]
+                times = ratio(samples["engine"], samples["reference"])
+                table.rows.append([*start, *cells, found[0], str(times)])
+            print("   ", " | ".join(table.rows[-1]), flush=True)
+        yield table
