@@ -209,6 +209,7 @@ SITUATIONS = (
     ),
     Situation("a convex law", lambda h, s: OTHER + 1e-5, M, "associated cone", order=None, other="associated cone"),
     Situation("springs for rigid shapes", lambda h, s: OTHER + 1e-5, R, "compliance", order=None, other="compliance"),
+    Situation("other impacts", lambda h, s: OTHER + 1e-5, M, "impact law", order=None, other="impact law"),
     Situation(
         "slow rebounds that are none",
         lambda h, s: OTHER + 1e-5,

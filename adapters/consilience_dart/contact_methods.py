@@ -27,7 +27,8 @@ REASONS = {
     "pyramid cone": "DART has circles and boxes",
     "box cone": "the axes of DART's box follow from the normal and the world",
     "static friction": "DART has one coefficient",
-    "Poisson impact": "DART has Newton's law",
+    "Poisson impact": "DART has Moreau's law",
+    "Moreau impact": f"DART rebounds above {THRESHOLD:g} m/s alone",
     "torsional friction": "DART has no torsional friction",
     "rolling friction": "DART has no rolling friction",
     "compliant contact": "DART's contacts are rigid",
@@ -41,7 +42,7 @@ EXTRAPOLATED = f"{CONES}, extrapolated"
 BOX = "World.step, defaults"
 INSTANT = f"{CONES}, second step, to zero step"
 
-_IMPACT = f"Newton's restitution, none up to a rebound of {THRESHOLD:g} m/s, at most {CAP:g} m/s"
+_IMPACT = f"Moreau's impacts with Newton's restitution, none up to a rebound of {THRESHOLD:g} m/s, at most {CAP:g} m/s"
 _SETTINGS: dict[str, Any] = {
     "DeactivationOptions.enabled": False,
     "BoxedLcpSolver": "FbfFrictionSolver",
@@ -70,17 +71,17 @@ def _box_axis(normal: Array) -> Array:
     return axis / np.linalg.norm(axis) if float(np.linalg.norm(axis)) > 1e-6 else _AXES[0]
 
 
-def threshold_law(mechanism: Mechanism) -> ContactLaw | None:
-    """Return DART's threshold of rebounds as a law of all contacts; None where nothing rebounds."""
+def impact_law(mechanism: Mechanism) -> ContactLaw | None:
+    """Return DART's law of impacts and threshold of rebounds, as a law of all contacts; None where nothing rebounds."""
     rebounds = any(contact.restitution > 0.0 for contact in mechanism.contacts)
-    return ContactLaw(rebound_threshold=THRESHOLD) if rebounds else None
+    return ContactLaw(rebound_threshold=THRESHOLD, impact_law="moreau") if rebounds else None
 
 
 def default_law(mechanism: Mechanism) -> ContactLaw | None:
     """Return DART's box and threshold as a law of all contacts; None where no one tangent gives it for all of them."""
     rubbing: list[Any] = [contact for contact in mechanism.contacts if contact.friction > 0.0]
     if not rubbing:
-        return threshold_law(mechanism)
+        return impact_law(mechanism)
     if any(c.partner != GROUND or not hasattr(c, "normal") for c in rubbing):
         return None
     cone = Cone("box", tangent=tuple(float(x) for x in _box_axis(rubbing[0].normal)))  # type: ignore[arg-type]
@@ -89,7 +90,7 @@ def default_law(mechanism: Mechanism) -> ContactLaw | None:
         across = wanted - (wanted @ np.array(cone.tangent)) * np.array(cone.tangent)
         if float(np.linalg.norm(across)) > 1e-9:
             return None
-    return replace(threshold_law(mechanism) or ContactLaw(), cone=cone)
+    return replace(impact_law(mechanism) or ContactLaw(), cone=cone)
 
 
 def unilateral_methods(mechanism: Mechanism, question: Question, loops: bool) -> tuple[Method, ...]:
@@ -111,7 +112,7 @@ def unilateral_methods(mechanism: Mechanism, question: Question, loops: bool) ->
         settings = settings | {"step": steps, "FbfFrictionSolver.maxOuterIterations": MOST_ITERATIONS}
         settings["FbfFrictionSolver.tolerance"] = FINE
         return (Method(INSTANT, Route.EXTRAPOLATED, settings=settings, contact_law=circle),)
-    law = threshold_law(mechanism)
+    law = impact_law(mechanism)
     box = f"box along normal x world z, or along x and y of the world where the normal is z; {_IMPACT}"
     return (
         Method(CONES, Route.TUNED, 1, (10, 20, 40), settings=settings, contact_law=circle, law=law),

@@ -23,7 +23,7 @@ from consilience.engine import (
     beyond,
     feature_names,
 )
-from consilience.mechanism import Array, Mechanism, State
+from consilience.mechanism import Array, ContactLaw, Mechanism, State
 from consilience_pinocchio.charts import suited
 from consilience_pinocchio.cones import SETTINGS
 from consilience_pinocchio.contacts import hold_all
@@ -85,13 +85,16 @@ def _touching(mechanism: Mechanism) -> dict[Question, tuple[Method, ...]]:
     """Methods of a mechanism with contacts, stops or dry friction."""
     associated = any(contact.associated for contact in mechanism.contacts)
     settings = SETTINGS | {"solve_ncp": not associated}
+    rebounds = any(contact.restitution > 0.0 for contact in mechanism.contacts)
+    moreau = ContactLaw(impact_law="moreau") if rebounds else None
     law = ("circle, associated" if associated else "circle") if mechanism.contacts else ""
+    law += "; Moreau's impacts" if moreau else ""
     stepping = Route.HARNESS_STEPPING
     return {
         Question.INSTANT: (Method(_TOUCHING, Route.TUNED, settings=settings, contact_law=law),),
         Question.TRAJECTORY: (
-            Method(_STEPPED, stepping, 1, (10, 20, 40), settings=settings, contact_law=law),
-            Method(_EXTRAPOLATED, stepping, 3, (4, 8, 16), settings=settings, contact_law=law),
+            Method(_STEPPED, stepping, 1, (10, 20, 40), settings=settings, contact_law=law, law=moreau),
+            Method(_EXTRAPOLATED, stepping, 3, (4, 8, 16), settings=settings, contact_law=law, law=moreau),
         ),
     }
 

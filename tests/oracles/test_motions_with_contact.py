@@ -285,6 +285,21 @@ def test_a_ladder_leaves_its_smooth_wall_at_two_thirds_of_its_height():
     close(centre(answer, 1)[1][0], -rate * 2 / 3 * np.sin(up))
 
 
+@pytest.mark.parametrize(
+    ("law", "impulse"), [("newton", 0.6), ("moreau", 0.731707317073171), ("poisson", 0.673170731707)]
+)
+def test_a_slip_that_reverses_shows_the_law_of_impact_of_the_contact(law, impulse):
+    """Rod at 45 degrees that hits with its tip, e 0.5, mu 0.3: normal impulses by hand, on 1 kg and without gravity."""
+    tip = np.array([1.0, 0.0, -1.0]) / np.sqrt(2)
+    rod = body("b", 1.0, [1e-3, 1 / 3, 1 / 3])
+    contact = on_plane("tip", X, 0.3, restitution=0.5, impact_law=law)
+    start = state([0.1 * Z - tip], [[-0.2, 0.0, -1.0]], R=[about_y(np.pi / 4)])
+    answer, events = run(floating([rod], [contact], gravity=ZERO), start, 0.15)
+    assert [e.kind for e in events] == ["impact"]
+    close(events[0].time, 0.1, TIME)
+    close(centre(answer, 1)[1][2], impulse - 1.0)
+
+
 def test_a_rocking_block_loses_its_rate_by_a_constant_ratio_at_each_impact():
     """Housner: times by quadrature of the pendulum equation of each half period."""
     alpha, m = np.arctan2(0.1, 0.3), 2.0

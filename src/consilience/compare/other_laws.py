@@ -19,6 +19,7 @@ def cause_of(law: ContactLaw, mechanism: Mechanism) -> str:
         "associated cone": law.associated and any(not contact.associated for contact in rough),
         "cone shape": law.cone is not None and any(contact.cone != law.cone for contact in rough),
         "compliance": law.compliance is not None,
+        "impact law": law.impact_law is not None and any(contact.impact_law != law.impact_law for contact in rough),
         "restitution threshold": law.rebound_threshold is not None
         and any(c.restitution > 0.0 and c.rebound_threshold != law.rebound_threshold for c in mechanism.contacts),
     }

@@ -71,6 +71,7 @@ OTHER_LAWS = (
     ("cone shape", Verdict.MODEL, "the friction cone"),
     ("associated cone", Verdict.MODEL, "the convex law of friction"),
     ("compliance", Verdict.REGULARISATION, "the compliance"),
+    ("impact law", Verdict.MODEL, "the law of impacts"),
     ("restitution threshold", Verdict.MODEL, "the threshold of rebounds"),
 )
 """Causes of a motion under another law of contact (`engine.Method.law`): rule, verdict, and what differs."""

@@ -11,7 +11,7 @@ from consilience.errors import InvalidInput, require
 from consilience.mechanism.spatial import Array, cross, fixed_array
 
 ConeKind = Literal["circle", "pyramid", "box"]
-ImpactLaw = Literal["newton", "poisson"]
+ImpactLaw = Literal["newton", "moreau", "poisson"]
 
 
 def in_range(where: str, value: object, least: float, most: float, remedy: str, open_below: bool = False) -> None:
@@ -128,7 +128,9 @@ class SurfaceLaw:
     associated : bool
         Whether the relative velocity is along the normal of the friction cone, so that sliding lifts: the convex model.
     impact_law : str
-        ``newton``: ``u_n+ = -e u_n-``; ``poisson``: e is the ratio of the impulses of expansion and compression.
+        ``newton``: ``u_n+ = -e u_n-``, with friction that never gains energy; ``moreau``: the same, with friction that
+        opposes the velocity after, as a time stepper has it; ``poisson``: e is the ratio of the impulses of expansion
+        and compression.
     torsional, rolling : float, m
         Bounds of the friction moments about the normal and across it, over the normal force.
     compliance : Compliance or None
@@ -179,9 +181,11 @@ class ContactLaw:
     associated : bool or None
     compliance : Compliance or None
     rebound_threshold : float or None, m/s
+    impact_law : str or None
     """
 
     cone: Cone | None = None
     associated: bool | None = None
     compliance: Compliance | None = None
     rebound_threshold: float | None = None
+    impact_law: ImpactLaw | None = None

@@ -52,7 +52,7 @@ class _Pair(SurfaceLaw):
             (self.static_friction not in (None, self.friction), "static friction"),
             (self.cone.kind != "circle", f"{self.cone.kind} cone"),
             (self.associated, "associated cone"),
-            (self.impact_law == "poisson", "Poisson impact"),
+            (self.impact_law != "newton", f"{self.impact_law.capitalize()} impact"),
             (self.torsional > 0.0, "torsional friction"),
             (self.rolling > 0.0, "rolling friction"),
             (self.compliance is not None, "compliant contact"),

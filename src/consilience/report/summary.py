@@ -126,7 +126,7 @@ def _load(load: Load) -> str:
 def _contact(c: Contact) -> str:
     """Describe shapes and laws of a contact; laws at their defaults are left out."""
     words = [f"contact {c.name}: {c.body} on {c.partner}, {shapes_in_words(c)}, restitution {c.restitution:g}"]
-    words[0] += " (Poisson)" if c.impact_law == "poisson" else ""
+    words[0] += f" ({c.impact_law.capitalize()})" if c.impact_law != "newton" else ""
     words[0] += f" above {c.rebound_threshold:g} m/s" if c.rebound_threshold else ""
     words.append(f"friction {c.friction:g}")
     if c.static_friction is not None:

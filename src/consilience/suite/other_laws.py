@@ -20,7 +20,7 @@ def with_law(mechanism: Mechanism, law: ContactLaw) -> Mechanism:
     """Return the mechanism whose contacts have another law; cones are those of contacts with friction alone."""
     given: dict[str, Any] = {field.name: getattr(law, field.name) for field in fields(law)}
     given = {name: value for name, value in given.items() if value is not None}
-    of_friction = {name: given.pop(name) for name in ("cone", "associated") if name in given}
+    of_friction = {name: given.pop(name) for name in ("cone", "associated", "impact_law") if name in given}
     if "compliance" in given:
         given["restitution"] = 0.0
     contacts = (replace(c, **given, **(of_friction if c.friction > 0.0 else {})) for c in mechanism.contacts)

@@ -49,7 +49,7 @@ class ContactTable(TableModel):
     static_friction: Finite | None = Field(None, description="Coefficient of sticking; default: friction.")
     cone: ConeTable | None = Field(None, description="Default: Coulomb's circle.")
     associated: bool = Field(False, description="Sliding lifts along the normal of the cone: the convex model.")
-    impact_law: Literal["newton", "poisson"] = "newton"
+    impact_law: Literal["newton", "moreau", "poisson"] = "newton"
     torsional: Finite = Field(0.0, description="Bound of the moment about the normal over the normal force, m.")
     rolling: Finite = Field(0.0, description="Bound of the moment across the normal over the normal force, m.")
     compliance: ComplianceTable | None = Field(None, description="Default: rigid shapes.")

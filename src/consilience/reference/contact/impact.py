@@ -174,7 +174,7 @@ def apply_impact(
     at_rest : float
         Rates below this count as zero.
     law : str
-        Of impacts in which no contact asks for Poisson's: newton or moreau (`impulse`).
+        Of impacts in which no contact asks for Moreau's or Poisson's: newton or moreau (`impulse`).
 
     Returns
     -------
@@ -189,10 +189,9 @@ def apply_impact(
     normals = np.flatnonzero(taking)
     problem, at, _ = equations.problem(response, taking, rows.u)
     parts = [layout.part_of(int(k)) for k in normals]
-    poisson = any(k is not None and layout.parts[k].impact_law == "poisson" for k in parts)
-    found = solve_impulse(
-        replace(problem, free=rows.u[at]), restitution[normals], "poisson" if poisson else law, at_rest, stepper.t
-    )
+    asked = {layout.parts[k].impact_law for k in parts if k is not None}
+    law = next((one for one in ("poisson", "moreau") if one in asked), law)
+    found = solve_impulse(replace(problem, free=rows.u[at]), restitution[normals], law, at_rest, stepper.t)
     force = np.zeros(len(layout.names))
     force[at] = found.impulse
     y, count = stepper.y, len(equations.model.mass)
