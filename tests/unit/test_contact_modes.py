@@ -15,6 +15,7 @@ from consilience.reference.contact.decision import decide, solutions
 from consilience.reference.contact.mode_system import sliding_indicator, solve_with_modes
 from consilience.reference.contact.problem import ContactProblem, FrictionSet
 from consilience.reference.contact.search import PainleveParadox
+from consilience.reference.contact.uniqueness import proven_unique
 from touching_bodies import CORNERS, FEET, FLOOR, LUMPY, g, rod, total, touching, weight_on_incline
 
 
@@ -281,3 +282,15 @@ def test_what_has_no_answer_names_the_contact():
     problem = ContactProblem(np.zeros((1, 1)), -np.ones(1), ("door",), (0,))
     with pytest.raises(NumericalFailure, match="door"):
         decide(problem)
+
+
+def test_a_dry_joint_at_rest_beside_a_contact_that_slides_has_one_solution():
+    """``x . M x > 0`` for all x: the sliding is known, and the bound of the joint is constant."""
+    G = np.array([[1.0, 0.1, 0.2], [0.1, 1.0, 0.3], [0.2, 0.3, 1.0]])
+    sets = (FrictionSet("slides", (1,), 0.3, 0.3, 0), FrictionSet("rests", (2,), 1.0, 1.0, None, 2.0))
+    names, sliding = ("slides", "slides", "rests"), np.array([0.0, 0.5, 0.0])
+    problem = ContactProblem(G, np.array([-3.0, 0.1, 0.4]), names, (0,), sets, sliding)
+    assert proven_unique(problem)
+    found = decide(problem)
+    N, T = np.linalg.solve([[1.0 - 0.03, 0.2], [0.2 - 0.09, 1.0]], [3.0, -0.4])
+    np.testing.assert_allclose(found.force, [N, -0.3 * N, T], rtol=1e-12)

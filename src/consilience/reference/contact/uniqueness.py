@@ -69,4 +69,6 @@ def _gain(problem: ContactProblem, M: Array, size: Array, held: list[int]) -> fl
             loads.append(balance * a)
             rates.append(b / balance)
         first += count
+    if not loads:  # what is held has constant bounds
+        return 0.0
     return float(np.linalg.norm(np.array(loads), 2) * np.linalg.norm(np.vstack(rates), 2))
