@@ -164,7 +164,8 @@ class InstantAnswer:
 
 
 EVENT_KINDS = ("impact", "closes", "opens", "slips", "sticks", "bounces end")
-"""Events of contacts, stops and dry friction; of a stop or a dry friction those that it can have."""
+"""Events of contacts, stops and dry friction; of a stop or a dry friction those that it can have. A slip that reverses
+slips anew."""
 
 CONTACT_MODES = ("separated", "sliding", "sticking")
 """Modes of a contact. Of several closed parts one that slides decides."""

@@ -97,14 +97,16 @@ class Samples:
         """Add an event."""
         self.events.append(ContactEvent(time, kind, site, self._layout.sites[site]))
 
-    def compare(self, time: float, before: RowModes, after: RowModes, hit: set[int]) -> None:
-        """Add the events that impacts of normals, and modes before and after, tell."""
+    def compare(self, time: float, before: RowModes, after: RowModes, hit: set[int], stopped: frozenset[int]) -> None:
+        """Add the events that impacts of normals, modes before and after, and slips that reverse tell."""
         layout = self._layout
+        reversed_ = {int(layout.site[layout.friction[j].rows[0]]) for j in stopped}
         struck = dict.fromkeys(int(layout.site[layout.normals[n]]) for n in sorted(hit))
         for site in struck:
             self.add(time, "impact", site)
         for site, (old, new) in enumerate(zip(site_modes(layout, before), site_modes(layout, after), strict=True)):
-            if old == new or (site in struck and old == SEPARATED):
+            turned = site in reversed_ and old == new == SLIDING
+            if (old == new and not turned) or (site in struck and old == SEPARATED):
                 continue
             kind = {SEPARATED: "opens", SLIDING: "slips", STICKING: "sticks"}[int(new)]
             self.add(time, "closes" if old == SEPARATED else kind, site)

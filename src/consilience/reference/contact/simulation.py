@@ -300,7 +300,7 @@ class _ContactSimulation:
         self.slips.begin(started, self.speed)
         self.stepper.change_modes(found.modes)
         if not first:
-            self.samples.compare(self.stepper.t, before, found.modes, hit)
+            self.samples.compare(self.stepper.t, before, found.modes, hit, stopped)
         self.functions.renew(found, self.stepper, self.speed)
         self.bounces.note(found)
 
