@@ -84,6 +84,10 @@ INVALID = {
         GOOD + "\n[trajectory]\nduration = -1.0\nlength = 2.0\n",
         ["trajectory.duration", "1 more problem"],
     ),
+    "unknown fields, deep and shallow": (
+        changed("angle = -1.0 } }", "angel = -1.0 } }\nrites = 1"),
+        ["initial.rates.hinge.angel", "1 more problem"],
+    ),
     "unknown table": (GOOD + "\n[solver]\nstep = 1\n", ["solver", "unknown field"]),
     "malformed TOML": (changed("mass = 2.0", "mass = "), ["not valid TOML", "line 8"]),
     "no body": (GOOD[: GOOD.index("[[body]]")] + GOOD[GOOD.index("[[joint]]") :], ["body", "the field is missing"]),

@@ -100,9 +100,13 @@ def _problem(raw: Mapping[str, Any], found: Any) -> InvalidInput:
 def _without(raw: Mapping[str, Any], found: Iterable[Any]) -> dict[str, Any]:
     """Copy the tables without unknown fields, and without the entries and top-level fields that are invalid."""
     kept, spoilt = deepcopy(dict(raw)), dict[str, set[int]]()
-    for one in sorted(found, key=lambda one: one["type"] != "extra_forbidden"):  # before tables that hold them go
+
+    def alone(one: Any) -> bool:
+        return bool(one["type"] == "extra_forbidden" and len(one["loc"]) <= 3)
+
+    for one in sorted(found, key=lambda one: not alone(one)):  # before the tables that hold them go
         top, *inner = one["loc"]
-        if one["type"] == "extra_forbidden" and len(inner) <= 2:
+        if alone(one):
             holder = kept
             for key in one["loc"][:-1]:
                 holder = holder[key]
