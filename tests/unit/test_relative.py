@@ -1,14 +1,23 @@
 """Relative form (joint coordinates) against dense equations, motions of another formulation, and identities."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import truth
 from consilience.case import load_case
-from consilience.mechanism import constraint_jacobian, constraint_rates, constraint_residual, rotation_angle_between
+from consilience.mechanism import (
+    GROUND,
+    Spring,
+    constraint_jacobian,
+    constraint_rates,
+    constraint_residual,
+    rotation_angle_between,
+)
 from consilience.mechanism.conditioning import mass_matrix_condition
 from consilience.reference import formulation, simulate
-from mechanisms import ELEMENTS, LOOPS, TREES, states_of
+from mechanisms import ELEMENTS, LOOPS, TREES, chain, states_of
 
 ALL = TREES | LOOPS | ELEMENTS
 EPS = np.finfo(float).eps
@@ -102,3 +111,12 @@ def test_steps_grow_fast_after_a_short_first_step():
     motion = simulate(case.mechanism, case.initial_state, times, 1e-3, "relative")
     assert motion.counters["steps"] <= 3
     np.testing.assert_allclose(motion.w_WB_W[:, -1], np.outer(1000.0 * times, [0.0, 0.0, 1.0]), atol=1e-9)
+
+
+def test_what_cannot_move_stays_under_a_spring():
+    body = chain("rigid")
+    spring = Spring("s", GROUND, body.bodies[-1].name, np.array([1.0, 0.2, 0.3]), np.zeros(3), 50.0, 1.0, 0.1)
+    mechanism = replace(body, springs=(spring,))
+    (state,) = states_of(body, 1)
+    motion = simulate(mechanism, state, np.array([0.0, 1.0]), 1e-9, "relative")
+    np.testing.assert_array_equal(motion.p_WB[1], motion.p_WB[0])

@@ -132,4 +132,4 @@ def first_step_length(kind: Array, f: Array, span: float, tolerance: float, size
     total = 0.0
     for n in range(f.shape[0]):
         total += (f[n] / size[kind[n]]) ** 2
-    return tolerance ** (1.0 / 8.0) / max(np.sqrt(total / f.shape[0]), 1.0 / span)
+    return tolerance ** (1.0 / 8.0) / max(np.sqrt(total / max(f.shape[0], 1)), 1.0 / span)
