@@ -16,10 +16,6 @@ STABLE_RATE = 2.785
 """Real axis of the stability region of the classical method of order four: decay rate times step."""
 
 
-_ROUNDING = 1e-10
-"""Largest length of a row that is rounding, over that of the longest row: units of 1e-6 m leave more to an angle."""
-
-
 def numerical_rank(J: Array) -> int:
     """Return the number of singular values of J, shape (r, n), above `RANK_TOLERANCE` times the largest."""
     if J.size == 0:
@@ -50,7 +46,8 @@ def solve_constrained(M: Array, f: Array, J: Array, gamma: Array) -> tuple[Array
     free = np.linalg.solve(L, f)
     Y = np.linalg.solve(L, J.T)
     lengths = np.linalg.norm(Y, axis=0)
-    lengths[lengths <= _ROUNDING * np.max(lengths, initial=0.0)] = np.inf  # such a row is rounding, and holds nothing
+    rounding = 1e-10 * np.max(lengths, initial=0.0)  # units of 1e-6 m leave more to an angle
+    lengths[lengths <= rounding] = np.inf  # such a row holds nothing
     U, s, Vt = np.linalg.svd(Y / lengths, full_matrices=False)
     rank = int(np.sum(s > RANK_TOLERANCE * s[0])) if len(s) else 0
     along = (Vt[:rank] @ ((gamma - Y.T @ free) / lengths)) / s[:rank]
