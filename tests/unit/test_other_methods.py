@@ -98,7 +98,8 @@ def test_the_matrix_shows_a_reference_that_differs_from_itself():
     record = Record(
         header={"engines": ["reference", "e"]}, cases=[{"name": "c"}], runs=[], comparisons=[], cells=[], footer={}
     )
-    agrees = {"case": "c", "engine": "reference", "profile": "matched", "verdict": "agrees", "digits": 12.0}
+    agrees = {"case": "c", "engine": "reference", "question": "instant", "profile": "matched"}
+    agrees |= {"verdict": "agrees", "digits": 12.0}
     assert matrix(replace(record, comparisons=[agrees]))[0] == ["e"]
     differs = agrees | {"verdict": "differs: model", "digits": 3.0}
     assert matrix(replace(record, comparisons=[agrees, differs])) == (
