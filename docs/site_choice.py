@@ -9,7 +9,9 @@ from math import ceil, floor, log10
 from pathlib import Path
 from typing import Any
 
+from consilience.compare import markdown_table
 from consilience.report.figure import COLOURS
+from consilience.report.statement import escaped
 
 KEPT = Path(__file__).parents[1] / "reports" / "agreement" / "choice.json"
 
@@ -44,15 +46,10 @@ def choice() -> str:
     lines += ["", "## Medians by class of mechanism", ""]
     lines += ["A dash: not asked. A quick run asks nothing at defaults.", ""]
     heads = ("engine", "class", "cases", "digits", "CPU time by simulated time", "digits at its defaults")
-    lines += _table(heads, kept["rows"])
+    lines += markdown_table(heads, kept["rows"], escape=escaped)
     lines += ["", "## What engines do not represent", "", "Reasons are those of the adapters.", ""]
-    lines += _table(("engine", "feature: reason", "cases"), kept["missing"])
+    lines += markdown_table(("engine", "feature: reason", "cases"), kept["missing"], escape=escaped)
     return "\n".join([*lines, ""])
-
-
-def _table(heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> list[str]:
-    cells = [[escape(str(value)).replace("|", "\\|") for value in row] for row in rows]
-    return [f"| {' | '.join(row)} |" for row in (heads, ["---"] * len(heads), *cells)]
 
 
 def _chart(kept: dict[str, Any], group: str) -> str:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from html import escape
+from collections.abc import Iterator
 from typing import Any
 
 from consilience.case import Case, shipped_cases
+from consilience.compare import markdown_table
 from consilience.engine import Engine, Profile, Question, Unsupported, installed, load_engine
+from consilience.report.statement import escaped
 
 ASKED = {
     "lasting contact with friction": "skew_slide_circle",
@@ -45,8 +46,9 @@ def contact_page() -> str:
 def _engine(name: str, engine: Engine, cases: dict[str, Case]) -> Iterator[str]:
     yield from (f"## {name}", "")
     rows = [row for what, case in ASKED.items() for row in _methods(what, engine, cases[case])]
-    yield from (*_table(("asked", "question", "method", "route", "order", "law"), rows), "")
-    yield from ("### Cannot state", "", *_table(("feature: reason", "cases"), _refusals(engine, cases.values())), "")
+    yield from (*markdown_table(("asked", "question", "method", "route", "order", "law"), rows, escape=escaped), "")
+    refused = markdown_table(("feature: reason", "cases"), _refusals(engine, cases.values()), escape=escaped)
+    yield from ("### Cannot state", "", *refused, "")
 
 
 def _methods(what: str, engine: Engine, case: Case) -> Iterator[tuple[object, ...]]:
@@ -72,8 +74,3 @@ def _refusals(engine: Engine, cases: Any) -> list[tuple[object, ...]]:
 
 def _why(refused: Unsupported) -> str:
     return refused.reason.partition("has no translation for: ")[2] or refused.reason
-
-
-def _table(heads: Sequence[str], rows: Sequence[Sequence[object]]) -> list[str]:
-    cells = [[escape(str(value), quote=False).replace("|", "\\|") for value in row] for row in rows]
-    return [f"| {' | '.join(row)} |" for row in (heads, ["---"] * len(heads), *cells)]
