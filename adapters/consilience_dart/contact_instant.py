@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from consilience.engine import limit_of_halved
+from consilience.engine import CannotRepresent, limit_of_halved
 from consilience.mechanism import Array, State, contact_gap, contact_parts, nearest_points
 from consilience_dart.contacts import Touching
 from consilience_dart.state import Coordinates, read, send
@@ -74,7 +74,7 @@ def _refuse_turning(stepping: Stepper, c: Coordinates) -> None:
     for part, gap, rate in zip(parts, now, rates, strict=True):
         if gap <= CLOSED and rate > UNTURNED:
             what = f"its gap accelerates by {rate:.3g} m/s^2 as the bodies turn, which DART's rows lack"
-            raise ArithmeticError(f"contact '{part.name}': {what}")
+            raise CannotRepresent(f"contact '{part.name}'", what)
 
 
 def settle(stepping: Stepper, c: Coordinates, state: State) -> Array:
@@ -84,8 +84,10 @@ def settle(stepping: Stepper, c: Coordinates, state: State) -> Array:
 
     Raises
     ------
+    CannotRepresent
+        A contact at a turning corner.
     ArithmeticError
-        DART has no acceleration: an impact, or a contact at a turning corner.
+        DART has no acceleration: an impact, or friction without a solution.
     """
     touching = stepping.touching
     assert touching is not None

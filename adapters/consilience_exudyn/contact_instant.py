@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from consilience.engine import CannotRepresent
 from consilience.mechanism import GROUND, TOUCHING, Array, Mechanism, State, characteristic_length, joint_spring_motion
 from consilience_exudyn.contact_rows import TouchRow, contact_row, coordinate_row
 from consilience_exudyn.contacts import limits_of, parts_of
@@ -82,8 +83,10 @@ def contact_accelerations(terms: Terms, state: State, equations: Equations) -> t
 
     Raises
     ------
+    CannotRepresent
+        A contact or coordinate starts to slide, for which Exudyn has no friction.
     RuntimeError
-        A contact or coordinate starts to slide, for which Exudyn has no friction; or no set of closed contacts fits.
+        No set of closed contacts fits.
     """
     mechanism = terms.model.mechanism
     closed = closed_contacts(mechanism, state)
@@ -173,8 +176,8 @@ def _refuse_start(active: Sequence[_Active], unknowns: Sequence[Array]) -> None:
         limit = one.bound if one.dry or len(x) == 1 else one.bound * float(x[0])
         if across > limit * (1.0 + _PULL):
             what = "dry friction" if one.contact is None else f"contact '{one.contact.part.name}'"
-            raise RuntimeError(
-                f"{what} starts to slide: Exudyn's friction is zero at rest, and it has none to start with"
+            raise CannotRepresent(
+                f"{what} starts to slide", "Exudyn's friction is zero at rest, and it has none to start with"
             )
 
 

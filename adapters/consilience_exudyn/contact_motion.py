@@ -21,7 +21,14 @@ from typing import Any
 
 import numpy as np
 
-from consilience.engine import TrajectoryAnswer, joined_mode, over_parts, require_stable, steps_per_sample
+from consilience.engine import (
+    CannotRepresent,
+    TrajectoryAnswer,
+    joined_mode,
+    over_parts,
+    require_stable,
+    steps_per_sample,
+)
 from consilience.mechanism import (
     GROUND,
     TOUCHING,
@@ -163,6 +170,8 @@ def contact_motion(
 
     Raises
     ------
+    CannotRepresent
+        A contact with friction that is closed at the start hits later.
     RuntimeError
         Exudyn fails, or normal forces exceed every bound.
     """
@@ -178,9 +187,9 @@ def contact_motion(
             return _with_contacts(mechanism, answer, forces, penalties, steps_per_sample(times, step))
         for one, force in zip(seen, largest, strict=True):
             if one.speed == 0.0 and one.row.part.friction > 0.0 and force > _HITS * max(one.normal, 1e-9):
-                what = f"contact '{one.row.part.name}' is closed at the start and hits later, with {force:.3g} N"
-                raise RuntimeError(
-                    f"{what}: the zone in which its friction is proportional would not vanish with the step"
+                raise CannotRepresent(
+                    f"contact '{one.row.part.name}', closed at the start, hits later with {force:.3g} N",
+                    "the zone in which its friction is proportional would not vanish with the step",
                 )
         bounds = [max(b, 1.2 * f) for b, f in zip(bounds, largest, strict=True)]
     raise RuntimeError(
@@ -218,7 +227,7 @@ def _normal_forces(mechanism: Mechanism, state: State, rows: Sequence[TouchRow])
     try:
         terms = Terms(build(mechanism, state))
         _, _, parts = contact_accelerations(terms, state, terms.equations(state))
-    except RuntimeError:
+    except (CannotRepresent, RuntimeError):
         weight = sum(body.mass for body in mechanism.bodies) * float(np.linalg.norm(mechanism.gravity))
         return [weight / len(rows)] * len(rows)
     return [max(0.0, float(row.normal @ force)) for row, force in zip(rows, parts, strict=True)]

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from consilience.engine import Question, Route, defects
+from consilience.engine import CannotRepresent, Question, Route, defects
 from consilience.mechanism import GROUND, DiscPlane, Initial, PointPlane, SpherePlane, SphereSphere, initial_state
 from contact_problems import (
     BALL,
@@ -116,7 +116,7 @@ def test_a_ball_at_rest_in_a_trough_sticks_where_some_forces_hold_it():
 
 def test_what_starts_to_slide_is_refused():
     state = LAB.state([0, 0, 0.1], [0, 0, 0])
-    with pytest.raises(RuntimeError, match="'ball' starts to slide"):
+    with pytest.raises(CannotRepresent, match="'ball' starts to slide"):
         asked(ball(LAB, 0.1, (30.0, 10.0, 0.0)), state)
     with pytest.raises(RuntimeError, match=r"closes at 0\.5 m/s"):
         asked(ball(LAB, 0.1, (0, 0, 0)), LAB.state([0, 0, 0.1], [0, 0, -0.5]))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from consilience.engine import Question
+from consilience.engine import CannotRepresent, Question
 from consilience.mechanism import GROUND, Body, Frame, Initial, Joint, Mechanism, Stop, initial_state
 from consilience_dart import DartEngine
 from consilience_dart.mutants import CONTACT_MUTANTS as IN_DART
@@ -85,7 +85,7 @@ def off(engine):
     for check in CHECKS:
         try:
             worst = max(worst, *(float(np.max(np.abs(value))) for value in check(engine)))
-        except ArithmeticError:
+        except (ArithmeticError, CannotRepresent):
             return np.inf
     return worst
 

@@ -181,6 +181,11 @@ def test_what_an_engine_declares_unsupported_is_not_asked(results):
     assert run.answer is None
 
 
+def test_a_state_that_an_engine_cannot_represent_is_unsupported_with_the_reason(results):
+    found = verdict(results, "liar", "first", INSTANT, "cannot_represent")
+    assert (found.verdict, found.why) == (Verdict.UNSUPPORTED, "state 1: this engine knows no such state")
+
+
 def test_last_words_of_a_dying_engine_are_kept(results):
     (run,) = [r for r in results.runs if (r.engine, r.case, r.question) == ("aborts", "first", INSTANT)]
     assert "corrupted double-linked list" in run.log

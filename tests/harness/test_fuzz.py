@@ -259,9 +259,12 @@ def test_no_sound_answer_is_a_failure(case, honest, said, kind):
 
 
 def test_what_is_unsupported_is_no_alarm(case, honest):
-    (found,) = entries_of(case, honest, unsupported=(Unsupported("joint 'j'", "no screws"),))
+    refusal = Unsupported("joint 'j'", "no screws")
+    (found,) = entries_of(case, honest, unsupported=(refusal,))
     assert (found.verdict, found.why) == (Verdict.UNSUPPORTED, "no screws")
-    assert not alarms([found])
+    (at_state,) = entries_of(case, honest, MethodAnswer(INSTANT, Method("i", Route.NATIVE), refusal))
+    assert (at_state.verdict, at_state.why) == (Verdict.UNSUPPORTED, "joint 'j': no screws")
+    assert not alarms([found, at_state])
 
 
 # ------------------------------------------------------------------ workers

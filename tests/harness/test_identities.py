@@ -19,7 +19,7 @@ from consilience.audit.identities.tables import write
 from consilience.audit.random_mechanisms import Recipe, random_mechanism
 from consilience.case import Case, load_case
 from consilience.cli.commands.check import check
-from consilience.engine import Profile, Question, load_engine
+from consilience.engine import CannotRepresent, Profile, Question, load_engine
 from consilience.engine.worker.client import Reply
 from consilience.engine.worker.requests import Plan, perform
 from consilience.errors import InvalidInput
@@ -446,6 +446,16 @@ def test_an_engine_that_raises_gives_no_answer_and_the_evidence(tmp_path):
     text = (tmp_path / "found.md").read_text()
     assert "the mass matrix is singular" in text
     assert "| energy balance | no answer" in text
+
+
+def test_a_state_that_the_engine_cannot_represent_has_no_identities():
+    def refuses(m, states, answer):
+        raise CannotRepresent("state", "no such state")
+
+    found = check_case(asked(Crooked(instant=refuses)), "test", case_of(TREES["single_revolute"]), 1)
+    of_instants = [f for f in found if f.identity not in ALONG_A_MOTION]
+    assert {f.outcome for f in of_instants} == {IdentityOutcome.NOT_APPLICABLE}
+    assert "state: no such state" in {f.remark for f in of_instants}
 
 
 def test_a_file_name_that_names_no_format_is_refused(app, tmp_path):

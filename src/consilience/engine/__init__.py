@@ -6,6 +6,7 @@ An adapter needs nothing beyond this package and `consilience.mechanism`. Both i
 from consilience.engine.answers import (
     CONTACT_MODES,
     EVENT_KINDS,
+    CannotRepresent,
     EngineInfo,
     InstantAnswer,
     Manifest,
@@ -43,6 +44,7 @@ __all__ = [
     "EVENT_KINDS",
     "ROD_MARGIN",
     "Answer",
+    "CannotRepresent",
     "Engine",
     "EngineInfo",
     "InstantAnswer",

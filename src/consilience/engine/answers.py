@@ -11,6 +11,7 @@ from enum import StrEnum
 from typing import Any
 
 from consilience.engine.questions import Answer, Question
+from consilience.errors import ConsilienceError
 from consilience.mechanism import Array, ContactLaw, Perturbation, State
 
 
@@ -55,6 +56,24 @@ class Unsupported:
 
     feature: str
     reason: str
+
+    def __str__(self) -> str:
+        return f"{self.feature}: {self.reason}"
+
+
+class CannotRepresent(ConsilienceError):
+    """State, or course of a motion, that an engine cannot represent; the run is unsupported.
+
+    Parameters
+    ----------
+    feature : str
+    reason : str
+        As those of `Unsupported`.
+    """
+
+    def __init__(self, feature: str, reason: str) -> None:
+        self.refusal = Unsupported(feature, reason)
+        super().__init__(str(self.refusal))
 
 
 @dataclass(frozen=True)

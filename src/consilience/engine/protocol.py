@@ -54,6 +54,8 @@ class Engine(Protocol):
     3. Name every feature that cannot be represented in `unsupported`, with the reason; never approximate silently.
     4. Label each method with its route; list every setting that is not at its default in `Method.settings`.
     5. Fail by raising: the worker turns an exception into one failed run.
+    6. Raise `CannotRepresent` where a state, or the course of a motion, is what the engine cannot represent: such a run
+       is unsupported.
     """
 
     def info(self) -> EngineInfo:

@@ -20,7 +20,7 @@ from consilience.compare.judge import DISPLACED_START, FAULTS_OF_A_CASE, REFEREN
 from consilience.compare.power import MEASURED
 from consilience.compare.softness import SCALES
 from consilience.compare.uncertainty import MOST_LEVELS, affordable, needs_another_level
-from consilience.engine import EngineInfo, Method, Question, Run, Status, defects, load_named
+from consilience.engine import EngineInfo, Method, Question, Run, Status, Unsupported, defects, load_named
 from consilience.engine.worker.client import EngineHandle, replayable_job
 from consilience.engine.worker.requests import NO_METHOD, Plan, Request
 from consilience.mechanism import Array, Mechanism, PhysicalParameter, State, displaced_states
@@ -127,7 +127,7 @@ class EngineCase:
         """Ask a question by all methods at all levels; yield one failed run for the record where there is no level."""
         case, worker, plan = self.case, self.worker, self.plan
         if refusals := plan.refusals(question):
-            reason = "; ".join(f"{u.feature}: {u.reason}" for u in refusals)
+            reason = "; ".join(map(str, refusals))
             yield Run(case.name, worker.engine, question, None, 0, None, Status.UNSUPPORTED, reason=reason)
             return
         methods = self.thoroughness.some(plan.methods[question], worker.engine, question)
@@ -284,7 +284,7 @@ class EngineCase:
             _LOG.debug("%s: %s, %s, %s: kept", self.worker.engine, case.name, question, method.name)
             return replace(run, answer=kept.answer, cpu=kept.cpu, log=kept.log, manifest=self.plan.manifest)
         run = self._perform(run, request)
-        if self.store is None or not key:
+        if self.store is None or not key or run.status is Status.UNSUPPORTED:
             return run
         if run.answer is None:
             return replace(run, log=_with_job(run.log, self.store, key, self.worker.engine, request))
@@ -294,6 +294,8 @@ class EngineCase:
     def _perform(self, run: Run, request: Request) -> Run:
         """Let the worker do a job, and check the form of the answer."""
         reply, wrong = self.worker.ask(request), ""
+        if isinstance(reply.value, Unsupported):
+            return replace(run, status=Status.UNSUPPORTED, reason=str(reply.value), cpu=reply.cpu, log=reply.log)
         if reply.returned:
             count = run.question.sample_count(len(request.states), 0 if request.times is None else len(request.times))
             wrong = "; ".join(defects(reply.value, run.question, self.case.mechanism, count))

@@ -13,7 +13,7 @@ import numpy as np
 from honest_engine import HonestEngine
 from wild_engines import ATTACKS
 
-from consilience.engine import Question, Unsupported
+from consilience.engine import CannotRepresent, Question, Unsupported
 
 resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # intentional crashes here leave no core files
 
@@ -110,6 +110,7 @@ LIES = {
     Question.INSTANT: {
         "raises": lambda _: _raise(RuntimeError("the Jacobian is singular at body 2")),
         "gives_nan": _nan,
+        "cannot_represent": lambda _: _raise(CannotRepresent("state 1", "this engine knows no such state")),
         "gives_none": lambda _: None,
         "gives_text": lambda _: "42",
         "gives_strings": lambda answer: replace(answer, kinetic=np.array(["1.0"] * len(answer.kinetic))),

@@ -24,7 +24,7 @@ from consilience.compare import Comparison, Verdict, compare_instant, compare_mo
 from consilience.compare.instant import BARS, Bars, Instants
 from consilience.compare.judge import REFERENCE
 from consilience.compare.other_methods import SOLVER_RULE, reconsidered
-from consilience.engine import InstantAnswer, Method, ModelAnswer, Profile, Question, defects
+from consilience.engine import InstantAnswer, Method, ModelAnswer, Profile, Question, Unsupported, defects
 from consilience.engine.worker.requests import MethodAnswer
 from consilience.mechanism import characteristic_length
 
@@ -115,6 +115,9 @@ class _MechanismJudge:
             yield self._judged(engine, nothing, REFERENCE, Verdict.UNSUPPORTED, "", refusal.reason)
         sound: list[MethodAnswer] = []
         for answer in batch.answers:
+            if isinstance(answer.answer, Unsupported):
+                yield self._judged(engine, answer, REFERENCE, Verdict.UNSUPPORTED, "", str(answer.answer))
+                continue
             defect = self._defect(answer)
             if defect:
                 printed = batch.log.strip()[-_MOST_OUTPUT:] if answer.method is None else ""

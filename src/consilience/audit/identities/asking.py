@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from consilience.audit.identities.result import NotApplicableError, UnansweredError
-from consilience.engine import InstantAnswer, Method, Question, TrajectoryAnswer, defects
+from consilience.engine import InstantAnswer, Method, Question, TrajectoryAnswer, Unsupported, defects
 from consilience.engine.worker.client import Reply
 from consilience.engine.worker.requests import Plan, Request
 from consilience.mechanism import Array, Mechanism, State
@@ -42,7 +42,7 @@ class Asker:
         if not isinstance(plan, Plan):
             raise UnansweredError(reply.reason or f"the plan is a {type(plan).__name__}")
         if plan.unsupported[question]:
-            raise NotApplicableError("; ".join(f"{u.feature}: {u.reason}" for u in plan.unsupported[question]))
+            raise NotApplicableError("; ".join(map(str, plan.unsupported[question])))
         if not plan.methods[question]:
             raise UnansweredError("the adapter supports the question and offers no method")
         return plan.methods[question]
@@ -65,6 +65,8 @@ class Asker:
 
         Raises
         ------
+        NotApplicableError
+            The engine cannot represent a state.
         UnansweredError
         """
         answer = self._sound(Request(mechanism, Question.INSTANT, method, states), len(states))
@@ -88,6 +90,8 @@ class Asker:
 
         Raises
         ------
+        NotApplicableError
+            The engine cannot represent the course of the motion.
         UnansweredError
         """
         answer = self._sound(Request(mechanism, Question.TRAJECTORY, method, [state], times, step), len(times))
@@ -99,6 +103,8 @@ class Asker:
         assert request.mechanism is not None
         assert request.question is not None
         reply = self.ask(request)
+        if isinstance(reply.value, Unsupported):
+            raise NotApplicableError(str(reply.value))
         wrong = defects(reply.value, request.question, request.mechanism, count) if reply.returned else [reply.reason]
         if wrong:
             raise UnansweredError("; ".join(wrong))

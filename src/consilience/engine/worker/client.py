@@ -55,7 +55,8 @@ class Reply:
     Attributes
     ----------
     value : object
-        An EngineInfo, a Plan, an AnswerSet or an Answer; an unsound engine may send any other value.
+        An EngineInfo, a Plan, an AnswerSet, an Answer, or an Unsupported in its place; an unsound engine may send any
+        other value.
     returned : bool
         Whether the engine returned a value; if not, `value` is None.
     reason : str

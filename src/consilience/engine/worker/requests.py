@@ -8,7 +8,7 @@ from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
-from consilience.engine.answers import Manifest, Method, Unsupported
+from consilience.engine.answers import CannotRepresent, Manifest, Method, Unsupported
 from consilience.engine.protocol import Engine
 from consilience.engine.questions import Question
 from consilience.mechanism import Array, Mechanism, State
@@ -138,7 +138,7 @@ class MethodAnswer:
     method : Method or None
         None where the engine gave no methods.
     answer : object
-        None if there is no answer.
+        None if there is no answer; an Unsupported if the engine cannot represent a state.
     reason : str
         Why there is no answer.
     """
@@ -163,7 +163,8 @@ def perform(engine: Engine, request: Request) -> object:
     Returns
     -------
     object
-        An EngineInfo, a Plan, an AnswerSet or an Answer; an unsound engine may return anything.
+        An EngineInfo, a Plan, an AnswerSet, an Answer, or an Unsupported in its place; an unsound engine may return
+        anything.
 
     Raises
     ------
@@ -200,7 +201,10 @@ def _plan(engine: Engine, mechanism: Mechanism) -> Plan:
 
 def _ask(engine: Engine, mechanism: Mechanism, question: Question, request: Request) -> object:
     """Call the engine's method of the question's name with the arguments of the question's row."""
-    return getattr(engine, question)(mechanism, *map(request.argument, question.arguments))
+    try:
+        return getattr(engine, question)(mechanism, *map(request.argument, question.arguments))
+    except CannotRepresent as found:
+        return found.refusal
 
 
 def offer(
