@@ -66,6 +66,7 @@ class Situation:
     mass_effect: float | None = None
     singular: int | None = None
     event: str = ""
+    contacts: int = 1
     other: str = ""
     velocity: float = 1.0
     velocity_slope: float = 0.0
@@ -89,7 +90,10 @@ class Situation:
         spread = np.full(len(TIMES), self.spread)
         true = (
             replace(
-                TRUE, event_time=HIT, event_kind=np.array([EVENT_KINDS.index(self.event)]), event_contact=np.array([0])
+                TRUE,
+                event_time=np.repeat(HIT, self.contacts),
+                event_kind=np.full(self.contacts, EVENT_KINDS.index(self.event)),
+                event_contact=np.arange(self.contacts),
             )
             if self.event
             else TRUE

@@ -33,6 +33,7 @@ from consilience.engine import (
 )
 from consilience.mechanism import Frame, quaternion_from_rotation_vector, quaternion_product, rotation_from_quaternion
 from mechanisms import chain
+from situations import SITUATIONS
 
 EPS = np.finfo(float).eps
 
@@ -542,3 +543,21 @@ def test_velocities_of_joints_that_cancel_widen_the_bar_of_the_kinetic_energy():
         w = np.max(np.linalg.norm(state.w_WB_W, axis=1))
         assert swings == pytest.approx(0.5 * (1.0 * v[0] * w * 1.0 + 3.0 * v[1] * w * 1.95), rel=1e-12)
         assert swings >= 0.9 * ratio * 0.5 * (v[0] ** 2 + 3.0 * v[1] ** 2)
+
+
+@pytest.mark.parametrize(("case", "together"), [("balls_touching", 0.1), ("balls_apart", np.inf)])
+def test_an_impact_of_several_contacts_is_noticed(case, together):
+    """The first ball, 0.1 m away at 1 m/s, hits two that touch; apart they are hit one after the other."""
+    answer = cs.simulate(cs.load_case(case))
+    assert ReferenceMotion(answer, np.zeros(len(answer.time)), 8).joint_impact == pytest.approx(together, abs=1e-11)
+
+
+@pytest.mark.parametrize("name", ["impacts that scatter", "impacts, another restitution"])
+def test_a_verdict_behind_an_impact_of_several_contacts_says_that_any_gap_changes_it(name):
+    (situation,) = (each for each in SITUATIONS if each.name == name)
+    one, two = situation.judge(), replace(situation, contacts=2).judge()
+    assert one.rule == two.rule
+    assert (
+        two.why
+        == f"{one.why} (several contacts take part in the impact at 0.5 s: after any gap another motion follows)"
+    )

@@ -125,6 +125,12 @@ DOUBTS = {
         "contact": [FLOOR | {"name": name, "restitution": 0.5} for name in ("left", "right")],
         "initial": {"rates": {"slide": {"distance": 1.0}}},
     },
+    "contact 'resting' is closed at the start: if 'wall' hits meanwhile, both take part in one impact": {
+        "contact": [
+            FLOOR | {"name": "resting", "restitution": 0.5},
+            FLOOR | {"name": "wall", "restitution": 0.5, "point": [0.9, 0.3, 0.0]},
+        ]
+    },
     "contact 'pair': the tangents of a box cone jump": {
         "contact": [
             {"name": "pair", "body": "box", "at": [0.0, 0.0, 0.0], "radius": 0.2, "friction": 0.3}

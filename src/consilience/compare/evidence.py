@@ -74,6 +74,8 @@ class Evidence:
         Difference of the same engine at `model` or `instant`, in words; empty if there is none.
     impacts : bool
         Whether bodies hit one another before the horizon: where in a step is a matter of chance.
+    together : float, s
+        Time of the first impact in which several contacts take part; infinite if there is none.
     envelope : float or None
         Largest error of the finest level if errors are below a multiple of the step, see `uncertainty.envelope`; None
         where the levels do not shrink with the step.
@@ -124,6 +126,7 @@ class Evidence:
     effects: Mapping[str, float] = field(default_factory=dict)
     singular: bool = False
     impacts: bool = False
+    together: float = math.inf
     envelope: float | None = None
     phase: float = 0.0
     jumps: float = 0.0

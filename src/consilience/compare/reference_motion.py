@@ -68,7 +68,18 @@ class ReferenceMotion:
     def impacts(self) -> Array:
         """Times at which bodies hit one another, s."""
         kinds, times = self.answer.event_kind, self.answer.event_time
-        return np.zeros(0) if kinds is None or times is None else np.asarray(times)[np.asarray(kinds) == IMPACT]
+        return (
+            np.zeros(0) if kinds is None or times is None else np.unique(np.asarray(times)[np.asarray(kinds) == IMPACT])
+        )
+
+    @property
+    def joint_impact(self) -> float:
+        """Time of the first impact of several contacts, s: another one hits or opens at that instant; else infinite."""
+        times, contacts = self.answer.event_time, self.answer.event_contact
+        if times is None or contacts is None:
+            return np.inf
+        times, contacts = np.asarray(times), np.asarray(contacts)
+        return min((t for t in self.impacts if len(set(contacts[times == t])) > 1), default=np.inf)
 
     @property
     def mode_changes(self) -> Array:

@@ -77,6 +77,13 @@ OTHER_LAWS = (
 """Causes of a motion under another law of contact (`engine.Method.law`): rule, verdict, and what differs."""
 
 
+def _together_text(e: Evidence) -> str:
+    """Return what the reference's motion depends on besides its law, if several contacts take part in one impact."""
+    if e.together > e.judged:
+        return ""
+    return f" (several contacts take part in the impact at {e.together:.4g} s: after any gap another motion follows)"
+
+
 def _law_rule(cause: str, verdict: Verdict, what: str) -> Rule:
     """Return the rule for a motion under another law of contact."""
     return Rule(
@@ -198,7 +205,10 @@ RULES: tuple[Rule, ...] = (
         Verdict.MODEL,
         "bodies hit one another, and the difference is beyond twice what impacts at any phase of a step can make",
         lambda e: e.beyond_phase,
-        lambda e: f"differs by {e.finest:.2g}, impacts within steps by up to {e.impact_bound:.2g}: they lead elsewhere",
+        lambda e: (
+            f"differs by {e.finest:.2g}, impacts within steps by up to {e.impact_bound:.2g}: they lead elsewhere"
+            f"{_together_text(e)}"
+        ),
     ),
     Rule(
         "impacts unclear",
@@ -207,6 +217,7 @@ RULES: tuple[Rule, ...] = (
         lambda e: e.impacts and not (e.limit is None and not e.cut),
         lambda e: (
             f"differs by {e.finest:.2g}; bodies hit one another at any phase of a step, and the levels differ too much"
+            f"{_together_text(e)}"
         ),
     ),
     Rule(

@@ -150,6 +150,7 @@ class _Levels:
             hard_limit=hard_limit,
             cut=self._cut(),
             impacts=bool(np.any(self.reference_motion.impacts <= time[last])),
+            together=self.reference_motion.joint_impact,
             phase=self._phase(float(time[last])),
             jumps=self._jumps(float(time[last])),
             untried=method is not None and method.softness is not None and not softer,

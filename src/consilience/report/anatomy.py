@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import compress
+from itertools import compress, permutations
 from operator import attrgetter
 
 import numpy as np
@@ -217,7 +217,10 @@ def warnings(case: Case) -> list[str]:
             f"engines step a fraction of the sample; choose {_rounded_down(FAST / frequency):g} s or less"
         )
     found += _edges(case)
-    if case.duration * max(frequency, 1e-12) < FAST:
+    travelled = np.max(np.linalg.norm(case.initial_state.v_WB_W, axis=1), initial=0.0) / characteristic_length(
+        mechanism
+    )
+    if case.duration * max(frequency, travelled) < FAST:
         found.append(f"in {case.duration:g} s the fastest motion, {frequency:.3g} rad/s from {why}, has hardly begun")
     return found
 
@@ -234,9 +237,11 @@ def _contacts_at_start(mechanism: Mechanism, start: State) -> Iterator[str]:
     """Describe closed contacts that the joints hold, or that hit at once, and tangents that jump."""
     free = free_directions(mechanism, start)
     motion = np.hstack([start.v_WB_W, start.w_WB_W]).ravel()
-    hit = []
+    hit, closed = [], set()
     for contact in mechanism.contacts:
         rows = closing_rows(replace(mechanism, contacts=(contact,), stops=()), start)
+        if len(rows):
+            closed.add(contact.name)
         if len(rows) and np.max(np.abs(rows @ free), initial=0.0) < RANK_TOLERANCE:
             yield (
                 f"contact '{contact.name}' is wedged: it is closed at the start, and the joints let its bodies neither "
@@ -251,6 +256,20 @@ def _contacts_at_start(mechanism: Mechanism, start: State) -> Iterator[str]:
             f"contacts {', '.join(hit)} are closed at the start and hit at once: they take part in one impact, with "
             "another result than in turn after any gap"
         )
+    for held, other in _may_hit_together(mechanism, closed):
+        yield (
+            f"contact '{held}' is closed at the start: if '{other}' hits meanwhile, both take part in one impact, with "
+            "another result than in turn after any gap"
+        )
+
+
+def _may_hit_together(mechanism: Mechanism, closed: set[str]) -> Iterator[tuple[str, str]]:
+    """Yield pairs of contacts that rebound and share a body, the first closed and the second open."""
+    rebounding = [contact for contact in mechanism.contacts if contact.restitution]
+    for held, other in permutations(rebounding, 2):
+        shared = {held.body, held.partner} & {other.body, other.partner} - {GROUND}
+        if shared and held.name in closed and other.name not in closed:
+            yield held.name, other.name
 
 
 def _rounded_down(value: float) -> float:
