@@ -93,7 +93,7 @@ def plots(opened, view, told):
 
 
 def replay(opened, view, told):
-    """A replay plays, stops, follows its sliders, shows and hides ghosts, and has four views."""
+    """A replay plays, stops, follows its sliders, tells its contacts, shows and hides ghosts, and has four views."""
     opened.go()
     page, tried = opened.page, 0
     for case in view.cases:
@@ -122,6 +122,8 @@ def replay(opened, view, told):
             "above": lambda: page.click("text=from above"),
             "right": lambda: page.click("text=from the right"),
         }
+        if page.locator("#page .phases").count() and not page.inner_text(".replay .contacts"):
+            yield f"{case.name}: it tells no contacts"
         if page.locator("#replay-factor").count():  # an engine exists for comparison
             acts["enlarged"] = lambda: slide(page, "factor", 1)
             acts["no ghosts"] = lambda: [box.uncheck() for box in page.locator(".replay input[type=checkbox]").all()]

@@ -114,6 +114,9 @@ def figure_of(mechanism: Mechanism, state: State) -> Figure3D:
         ground = GROUND in (joint.predecessor, joint.successor)
         place, carrier = (second, joint.successor) if joint.kind == "free" else (first, joint.predecessor)
         joints.append(PlaceLabel(letter, joint.name, joint.kind, place, axis, ground, index_of(mechanism, carrier)))
+    for contact in mechanism.contacts:
+        if isinstance(contact, PointPlane) and contact.body != GROUND:
+            ends[contact.body].append(body_point(mechanism, state, contact.body, contact.corner)[0])
     centers = centres_of_mass(mechanism, state)[0]
     bodies = [
         PlaceLabel(BODY_MARKS[i] if i < len(BODY_MARKS) else "", body.name, "body", centers[i], body=i)
@@ -153,7 +156,7 @@ def connections(mechanism: Mechanism, state: State) -> Iterator[Polyline]:
 
 
 def _skeleton(ends: list[Array], center: Array) -> Iterator[Array]:
-    """Draw a body by its joints: a line, the outline of a plate, or a star in space; then a spur to a centre off it.
+    """Draw a body by its joints and touching points: a line, the outline of a plate, or a star; a spur to the centre.
 
     The order of the points is that of the joints, so that it is the same in every pose.
     """

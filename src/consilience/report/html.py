@@ -10,7 +10,7 @@ import gzip
 import json
 import re
 from base64 import b64encode
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -20,9 +20,11 @@ from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
 from consilience.errors import visible
+from consilience.mechanism import GROUND
 from consilience.report.cells import Cell
 from consilience.report.curves import KINDS
 from consilience.report.figure import COLOURS
+from consilience.report.phase_strips import phase_chart
 from consilience.report.picture import drawn
 from consilience.report.plots import figures
 from consilience.report.plots_replay import replay_figures
@@ -110,16 +112,21 @@ def fragments(view: Page, replays: Replays, drawings: set[str]) -> Iterator[tupl
         plots = _places(OF_CASE, drawings, case.name)
         joints = [(j, place) for j in case.line["joints"] if (place := anchor("joint", case.name, j[0])) in drawings]
         about["joint_pages"] = {joint[0]: place for joint, place in joints}
-        yield (
-            case.anchor,
-            case_page.render(c=case, drawing=_drawing(case.name, case.title, replay), plots=plots, **about),
-        )
+        told = replay["phases"] if replay else {}
+        chart, drawing = phase_chart(told, list(engines)), _drawing(case.name, case.title, replay)
+        yield case.anchor, case_page.render(c=case, drawing=drawing, plots=plots, phases=chart, **about)
         for joint, place in joints:
-            yield place, get("joint.html.j2").render(c=case, joint=joint, place=place, **about)
+            chart = phase_chart(told, list(engines), _in_joint(joint))
+            yield place, get("joint.html.j2").render(c=case, joint=joint, place=place, phases=chart, **about)
         for cell in case.cells:
-            shown_plots = _cell_plots(cell, drawings)
-            own = engines.get(cell.engine)
-            yield cell.anchor, cell_page.render(cell=cell, case=case, engine=own, plots=shown_plots, **about)
+            about |= {"plots": _cell_plots(cell, drawings), "phases": phase_chart(told, [cell.engine])}
+            yield cell.anchor, cell_page.render(cell=cell, case=case, engine=engines.get(cell.engine), **about)
+
+
+def _in_joint(joint: Sequence[str]) -> Callable[[dict[str, Any]], bool]:
+    """Tell what acts in a joint, or on a body of the joint: name, kind, predecessor and successor are given."""
+    moving = {body for body in joint[2:] if body != GROUND}
+    return lambda one: one["joint"] == joint[0] or not moving.isdisjoint(one["bodies"])
 
 
 def replay_data(view: Page, replays: Replays) -> dict[str, Any]:
@@ -138,7 +145,8 @@ def render_replay(name: str, title: str, replay: Replay) -> str:
     how = replay["motion"]["reference"]["how"]
     drawing = _drawing(name, title, replay)
     page_template = environment().get_template("replay.html.j2")
-    return page_template.render(name=name, title=title, how=how, drawing=drawing, packs=packs)
+    chart = phase_chart(replay["phases"], [])
+    return page_template.render(name=name, title=title, how=how, drawing=drawing, packs=packs, phases=chart)
 
 
 def _places(kinds: tuple[str, ...], drawings: set[str], *names: str) -> list[tuple[str, str]]:

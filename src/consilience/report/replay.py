@@ -16,6 +16,7 @@ from consilience.case import Case
 from consilience.compare.judge import REFERENCE
 from consilience.engine import Profile, Run, TrajectoryAnswer
 from consilience.mechanism import Array, Mechanism, State
+from consilience.report.contact_motion import contacts_at_frames, phases
 from consilience.report.curves import curve_sets
 from consilience.report.motion import chosen_samples, encoded_difference, encoded_poses
 from consilience.report.reactions import can_be_told, drift_over_time, reactions_over_time
@@ -27,7 +28,7 @@ PLOTTED, DRIFTING = 31, 301
 """Largest number of samples in a plot of reactions, and of the violation of the joints."""
 
 Replay = dict[str, Any]
-"""Data of a case: `scene`, `seed`, `motion` or None, `along` (values over time on all engines) or None, `curves`."""
+"""Data of a case as `replayschema.ReplayCase`; `motion` and `along`, values over time on all engines, may be None."""
 
 
 def replay_of(case: Case, runs: Sequence[Run], dense: TrajectoryAnswer | None = None) -> Replay:
@@ -42,12 +43,13 @@ def replay_of(case: Case, runs: Sequence[Run], dense: TrajectoryAnswer | None = 
         Motion of the reference for curves; default: that of the runs.
     """
     shown = dict(_headlines(runs))
-    motion, along = (_motion(shown), _along(case.mechanism, shown)) if REFERENCE in shown else (None, None)
-    drawn = scene(case.mechanism, case.initial_state)
+    m = case.mechanism
+    motion, along = (_motion(m, shown), _along(m, shown)) if REFERENCE in shown else (None, None)
+    drawn = scene(m, case.initial_state)
     answer = dense if dense is not None else shown[REFERENCE][0] if REFERENCE in shown else None
-    curves = [] if answer is None else [one.data() for one in curve_sets(case.mechanism, answer)]
+    curves = [] if answer is None else [one.data() for one in curve_sets(m, answer)]
     found = {"case": case.name, "seed": case.seed, "motion": motion, "along": along, "scene": drawn}
-    return found | {"curves": curves}
+    return found | {"curves": curves, "phases": _phases(m, shown)}
 
 
 def motion_alone(case: Case, answer: TrajectoryAnswer, how: str) -> Replay:
@@ -58,8 +60,10 @@ def motion_alone(case: Case, answer: TrajectoryAnswer, how: str) -> Replay:
 
 def replay_of_motion(mechanism: Mechanism, start: State, answer: TrajectoryAnswer, how: str = "") -> Replay:
     """Make the replay of a motion of a mechanism that starts in a state; `how` names method and step."""
-    drawn, motion = scene(mechanism, start), _motion({REFERENCE: (answer, how)})
-    return {"case": mechanism.name, "seed": 0, "scene": drawn, "along": None, "motion": motion, "curves": []}
+    shown = {REFERENCE: (answer, how)}
+    drawn, motion = scene(mechanism, start), _motion(mechanism, shown)
+    found = {"case": mechanism.name, "seed": 0, "scene": drawn, "along": None, "motion": motion, "curves": []}
+    return found | {"phases": _phases(mechanism, shown)}
 
 
 def _headlines(runs: Sequence[Run]) -> Iterator[tuple[str, tuple[TrajectoryAnswer, str]]]:
@@ -78,7 +82,13 @@ def _headlines(runs: Sequence[Run]) -> Iterator[tuple[str, tuple[TrajectoryAnswe
             yield engine, (answer, f"{method.name}, {kind} {run.step:.3g}{' s' if method.substeps else ''}")
 
 
-def _motion(shown: dict[str, tuple[TrajectoryAnswer, str]]) -> Replay:
+def _phases(mechanism: Mechanism, shown: dict[str, tuple[TrajectoryAnswer, str]]) -> Replay:
+    """List the phases of contacts by every engine that tells any."""
+    told = {engine: phases(mechanism, answer) for engine, (answer, _) in shown.items()}
+    return {engine: found for engine, found in told.items() if found}
+
+
+def _motion(mechanism: Mechanism, shown: dict[str, tuple[TrajectoryAnswer, str]]) -> Replay:
     """Encode the motion of the reference, and the differences of motions on the same time grid."""
     reference, how = shown[REFERENCE]
     samples = chosen_samples(reference)
@@ -94,6 +104,7 @@ def _motion(shown: dict[str, tuple[TrajectoryAnswer, str]]) -> Replay:
             for engine, (answer, own) in shown.items()
             if engine != REFERENCE and np.array_equal(answer.time, reference.time)
         },
+        "contacts": contacts_at_frames(mechanism, reference, samples),
     }
 
 

@@ -31,6 +31,7 @@ def _base64(text: str) -> str:
     return text
 
 
+_Mode = Literal["separated", "sliding", "sticking", "closed"]
 _Packed = Annotated[str, AfterValidator(_base64)]
 
 
@@ -100,6 +101,17 @@ class ReplayDifference(StrictModel):
     how: NameField
 
 
+class ReplayContact(StrictModel):
+    """A contact at the frames: nearest points on both sides, gap, mean force on the body since the frame before."""
+
+    name: NameField
+    body: list[_Triple]
+    partner: list[_Triple]
+    gap: list[_Number]
+    force: list[_Triple]
+    mode: list[_Mode]
+
+
 class ReplayMotion(StrictModel):
     """A motion: `count` frames from time `start` in steps of `step`; the whole motion ends at `end`."""
 
@@ -109,6 +121,25 @@ class ReplayMotion(StrictModel):
     count: Annotated[int, Field(ge=1, le=1_000)]
     reference: ReplayPoses
     engines: dict[NameField, ReplayDifference]
+    contacts: list[ReplayContact] = Field(default_factory=list)
+    """Of the reference; absent in earlier files."""
+
+    @model_validator(mode="after")
+    def _as_many(self) -> ReplayMotion:
+        for c in self.contacts:
+            if {len(x) for x in (c.body, c.partner, c.gap, c.force, c.mode)} != {self.count}:
+                raise ValueError("values of a contact are not as many as frames")
+        return self
+
+
+class ReplayPhases(StrictModel):
+    """Phases of a contact, of a stop or of a dry friction: pieces from start to end in a mode, and times of impacts."""
+
+    name: NameField
+    bodies: list[NameField]
+    joint: NameField
+    pieces: Annotated[list[tuple[_Number, _Number, _Mode]], Field(min_length=1)]
+    impacts: list[_Number]
 
 
 class ReplaySeries(StrictModel):
@@ -170,6 +201,8 @@ class ReplayCase(StrictModel):
     motion: ReplayMotion | None
     along: ReplayCurves | None
     curves: list[ReplayCurveSet] = Field(default_factory=list)
+    phases: dict[NameField, list[ReplayPhases]] = Field(default_factory=dict)
+    """By engine; absent in earlier files."""
 
     @model_validator(mode="after")
     def _sizes(self) -> ReplayCase:
