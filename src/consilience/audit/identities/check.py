@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
-from consilience.audit.identities import dynamics
+from consilience.audit.identities import contact, dynamics
 from consilience.audit.identities.asking import Ask, Asker
+from consilience.audit.identities.contact_motion import measure_contact_motion
 from consilience.audit.identities.invariance import INVARIANCES
 from consilience.audit.identities.motion import SAMPLES, measure_drift
 from consilience.audit.identities.result import (
@@ -21,6 +22,7 @@ from consilience.audit.identities.subject import IdentitySubject
 from consilience.case import Case
 from consilience.engine import EngineInfo, Method, Profile, Question
 from consilience.engine.worker.client import Request, Worker, in_parallel
+from consilience.mechanism import Mechanism
 
 Measure = Callable[[IdentitySubject], Iterable[Residual]]
 
@@ -67,9 +69,26 @@ IDENTITIES: tuple[Identity, ...] = (
     Identity("constraints on velocities", "drift that smaller steps do not cure", None),
 )
 
-AT_INSTANTS = {identity.name: identity.measure for identity in IDENTITIES if identity.measure is not None}
+CONTACT_IDENTITIES: tuple[Identity, ...] = (
+    Identity("no pull", "contacts that hold, normals of the wrong body, signs of forces", contact.no_pull),
+    Identity("friction cone", "another coefficient, another cone, tangents turned", contact.friction_cone),
+    Identity("friction against slip", "signs and directions of friction", contact.friction_against_slip),
+    Identity("gap times force", "forces across gaps, margins, contacts that are missed", contact.complementarity),
+    Identity("no overlap", "shapes that sink into one another at any step", None),
+    Identity("no power of the normal force", "normals that are not those of the surface, creep into it", None),
+    Identity("impulses within the cone", "contacts that hold, another coefficient, another cone", None),
+    Identity("energy never grows", "impacts and penetration that feed energy, restitution above one", None),
+)
+"""Identities of mechanisms with contacts, stops or dry friction; `IDENTITIES` are equations of smooth motion."""
 
-ALONG_A_MOTION = tuple(identity.name for identity in IDENTITIES if identity.measure is None)
+
+def identities_of(mechanism: Mechanism) -> tuple[Identity, ...]:
+    """Return the identities of a mechanism."""
+    touches = mechanism.contacts or mechanism.stops or mechanism.dry_frictions
+    return CONTACT_IDENTITIES if touches else IDENTITIES
+
+
+ALONG_A_MOTION = tuple(i.name for i in (*IDENTITIES, *CONTACT_IDENTITIES) if i.measure is None)
 
 
 @dataclass
@@ -138,22 +157,25 @@ def check_engines(
 
 def check_case(ask: Ask, engine: str, case: Case, states: int) -> list[Finding]:
     """Check all identities for all methods of one engine on one case."""
-    asker = Asker(ask)
+    asker, identities = Asker(ask), identities_of(case.mechanism)
+    measures = {i.name: i.measure for i in identities if i.measure is not None}
+    along = tuple(i.name for i in identities if i.measure is None)
+    along_motion = measure_drift if identities is IDENTITIES else measure_contact_motion
 
     def at_instants(method: Method) -> list[_Measured]:
         subject = IdentitySubject(case.mechanism, case.states[:states], asker, method)
-        return [_measured(measure, subject) for measure in AT_INSTANTS.values()]
+        return [_measured(measure, subject) for measure in measures.values()]
 
     def along_a_motion(method: Method) -> Sequence[_Measured]:
         try:
-            return measure_drift(asker, case.mechanism, case.initial_state, case.times[: SAMPLES + 1], method)
+            return along_motion(asker, case.mechanism, case.initial_state, case.times[: SAMPLES + 1], method)
         except (NotApplicableError, UnansweredError) as reason:
-            return [reason] * len(ALONG_A_MOTION)
+            return [reason] * len(along)
 
     found = []
     for question, names, measured in (
-        (Question.INSTANT, tuple(AT_INSTANTS), at_instants),
-        (Question.TRAJECTORY, ALONG_A_MOTION, along_a_motion),
+        (Question.INSTANT, tuple(measures), at_instants),
+        (Question.TRAJECTORY, along, along_a_motion),
     ):
         context = _FindingContext(case.name, engine, question)
         try:

@@ -84,11 +84,11 @@ def measure_drift(
     order = (method.order or 1) if method.substeps else 1
     count = (times[-1] - times[0]) / steps[-1] if method.substeps else 1.0
     guard = Equations(mechanism, start).guard * float(count)
-    positions, velocities = (_limit(residuals, steps, order, guard) for residuals in zip(*found, strict=True))
+    positions, velocities = (limit_of_levels(residuals, steps, order, guard) for residuals in zip(*found, strict=True))
     return positions, velocities
 
 
-def _limit(residuals: Sequence[Array], steps: Sequence[float], order: int, guard: float) -> Residual:
+def limit_of_levels(residuals: Sequence[Array], steps: Sequence[float], order: int, guard: float) -> Residual:
     """Extrapolate the residuals of the levels to step zero; the bar is their band and `guard`, the rounding."""
     finest = largest(residuals[-1])
     if finest <= guard or len(steps) < 2:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from consilience.audit.identities.check import IDENTITIES, Checks
+from consilience.audit.identities.check import CONTACT_IDENTITIES, IDENTITIES, Checks
 from consilience.audit.identities.result import Finding, IdentityOutcome, exit_code
 from consilience.compare import markdown_table
 from consilience.engine import Profile
@@ -37,9 +37,10 @@ def cell(findings: Sequence[Finding]) -> str:
 def matrix(checks: Checks, profile: Profile) -> Iterator[tuple[str, list[str]]]:
     """Yield the rows of the table of a profile: identity, and one cell for each engine."""
     chosen = [f for f in checks.findings if f.profile is profile]
-    for identity in IDENTITIES:
+    for identity in (*IDENTITIES, *CONTACT_IDENTITIES):
         of_it = [f for f in chosen if f.identity == identity.name]
-        yield identity.name, [cell([f for f in of_it if f.engine == name]) for name in checks.engines]
+        if of_it:
+            yield identity.name, [cell([f for f in of_it if f.engine == name]) for name in checks.engines]
 
 
 def blemishes(checks: Checks) -> Iterator[Finding]:
@@ -85,7 +86,7 @@ def as_json(checks: Checks) -> str:
         "format": FORMAT,
         "engines": {name: asdict(info) for name, info in checks.engines.items()},
         "missing": checks.missing,
-        "identities": [{"name": i.name, "shows": i.shows} for i in IDENTITIES],
+        "identities": [{"name": i.name, "shows": i.shows} for i in (*IDENTITIES, *CONTACT_IDENTITIES)],
         "findings": [asdict(finding) for finding in checks.findings],
         "exit_code": exit_code(checks.findings, len(checks.missing)),
     }

@@ -22,7 +22,7 @@ from consilience.cli.options import (
     chosen_cases,
     chosen_engines,
 )
-from consilience.cli.terminal import err, print_missing, print_table, progress_bar, say
+from consilience.cli.terminal import print_missing, print_table, progress_bar, say
 from consilience.engine import Profile
 
 MOST_PRINTED = 20
@@ -42,10 +42,6 @@ def check(
     if output is not None:
         tables.check_target(output)
     engines, chosen = chosen_engines(engine), chosen_cases(cases)
-    for case in chosen:
-        if case.mechanism.contacts:
-            err.print(f"{case.name}: left out, the identities are those of motions without impacts", highlight=False)
-    chosen = [case for case in chosen if not case.mechanism.contacts]
     with progress_bar() as bar:
         task = bar.add_task("starting engines", total=len(chosen) * len(engines))
         checks = check_engines(
