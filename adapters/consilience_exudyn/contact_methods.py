@@ -6,7 +6,7 @@ from typing import Any
 
 from consilience.engine import Method, Route
 from consilience.mechanism import Mechanism
-from consilience_exudyn.contact_motion import BOUNCE, OVERDAMPED, RELAXATION
+from consilience_exudyn.contact_motion import BOUNCE, DAMPING, LINEAR, OVERDAMPED, RIGID
 from consilience_exudyn.library import CONTACT_SETTINGS
 
 STEPS, BOUNCING_STEPS, EXTRAPOLATED_STEPS = (50, 100, 200), (500, 1000, 2000), (5, 10, 20)
@@ -19,10 +19,9 @@ _CIRCLE = "circle; rigid and Coulomb's in the limit of small steps"
 def contact_methods(mechanism: Mechanism) -> tuple[Method, ...]:
     """Return the methods for a motion with contacts, stops or dry friction, the headline method first."""
     bounces = any(element.restitution > 0.0 for element in (*mechanism.contacts, *mechanism.stops))
-    settings: dict[str, Any] = {**CONTACT_SETTINGS, "solution.sensors.writePeriod": "the step"}
-    settings |= _numbers(mechanism)
     law = _CIRCLE if mechanism.contacts else ""
     steps = BOUNCING_STEPS if bounces or mechanism.stops else STEPS
+    settings = _settings(mechanism, f"{LINEAR:g}/(h s A), s the sample interval")
     motion = Method("ExplicitRungeKutta44", Route.TUNED, 1, steps, settings=settings, softness=1.0, contact_law=law)
     if bounces or not mechanism.contacts:
         return (motion,)
@@ -31,19 +30,18 @@ def contact_methods(mechanism: Mechanism) -> tuple[Method, ...]:
         Route.EXTRAPOLATED,
         HALVINGS,
         EXTRAPOLATED_STEPS,
-        settings=settings,
+        settings=_settings(mechanism, f"{RIGID:g}/(h^2 A)"),
         contact_law=law,
     )
     return (motion, finer)
 
 
-def _numbers(mechanism: Mechanism) -> dict[str, Any]:
-    """Describe the numbers of the objects."""
-    hit = f"{BOUNCE:g} 1/s^2 over the inverse inertia for what hits"
-    found = {}
+def _settings(mechanism: Mechanism, closed: str) -> dict[str, Any]:
+    """Describe the settings; `closed` is the stiffness of contacts that stay closed, A the inverse inertia."""
+    found: dict[str, Any] = {**CONTACT_SETTINGS, "solution.sensors.writePeriod": "the step"}
     if mechanism.contacts or mechanism.stops:
-        found["contactStiffness"] = f"{hit}; else the damping over {RELAXATION:g} sample intervals"
-        found["contactDamping"] = f"0.6/h over the inverse inertia; {OVERDAMPED:g} roots of the stiffness for what hits"
+        found["contactStiffness"] = f"{BOUNCE:g}/A 1/s^2 for what hits; else {closed}, A the inverse inertia"
+        found["contactDamping"] = f"{OVERDAMPED:g} roots of stiffness over A for what hits; else {DAMPING:g}"
         found["impactModel"] = "2 with restitution"
     if mechanism.contacts or mechanism.dry_frictions:
         found["frictionProportionalZone"] = "h times the largest friction over the inertia"

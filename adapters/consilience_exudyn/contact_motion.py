@@ -5,12 +5,15 @@ of friction follow the step h, so that contacts become rigid and friction Coulom
 inertia A that a contact sees together with all others:
 
 =======================  ======================================================================================
-closed, no restitution   damping ``0.6 / (h A)``, stiffness the damping over a fifth of the sample interval
+closed, no restitution   stiffness ``2 / (h^2 A)`` in motions that are extrapolated, else ``50 / (h s A)``, s the
+                         sample interval, for overlaps in proportion to h; damping 0.8 roots of the stiffness over A
 others                   stiffness `BOUNCE` over A; without restitution the damping of `OVERDAMPED`
 friction                 zone ``h mu N G``, G the tangential inverse inertia, N a bound of the normal force
 =======================  ======================================================================================
 
-Below its zone friction is stiff: beyond N the method is unstable, and the motion is repeated with a larger bound.
+A damped contact pulls as it opens, until its overlap has gone: what that changes vanishes with the damping over the
+stiffness. Below its zone friction is stiff: beyond N the method is unstable, and the motion is repeated with a larger
+bound.
 """
 
 from __future__ import annotations
@@ -21,14 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from consilience.engine import (
-    CannotRepresent,
-    TrajectoryAnswer,
-    joined_mode,
-    over_parts,
-    require_stable,
-    steps_per_sample,
-)
+from consilience.engine import CannotRepresent, TrajectoryAnswer, require_stable, steps_per_sample
 from consilience.mechanism import (
     GROUND,
     TOUCHING,
@@ -37,15 +33,15 @@ from consilience.mechanism import (
     State,
     characteristic_length,
     constraint_jacobian,
-    contact_gap,
     continuous_in_time,
     mass_matrix,
     null_space,
     quaternion_from_rotation,
     rotation_vector_from_quaternion,
 )
-from consilience_exudyn.contact_instant import contact_accelerations
+from consilience_exudyn.contact_instant import AT_REST, contact_accelerations
 from consilience_exudyn.contact_rows import TouchRow, contact_row, coordinate_row
+from consilience_exudyn.contact_samples import gaps_of, refuse_fall, with_contacts
 from consilience_exudyn.contacts import Penalty, add_contact, add_dry_friction, add_limit, limits_of, parts_of
 from consilience_exudyn.forces import add_springs_and_loads
 from consilience_exudyn.kinematic_tree import Coordinates, build_tree, is_one_axis_tree
@@ -60,12 +56,14 @@ BOUNCE = 1e6
 OVERDAMPED = 10.0
 """Damping of contacts that hit without restitution, over the root of the stiffness: they rebound with one per cent."""
 
-RELAXATION = 0.2
-"""Time in which an overlap without restitution decays, over the sample interval."""
+RIGID = 2.0
+"""Stiffness of contacts that stay closed, over the inertia, times the square of the step."""
 
-_DAMPING = 0.6
-_LOAD = 1.0
-"""First bound of a normal force, over that at the start."""
+LINEAR = 50.0
+"""The same, times step and sample interval, where overlaps are in proportion to the step."""
+
+DAMPING = 0.8
+"""Damping of contacts that stay closed, over the root of the stiffness."""
 
 _STABLE = 2.0
 """Normal force over its bound up to which friction below the zone is stable."""
@@ -77,7 +75,10 @@ _RESOLVED = 0.2
 """Largest frequency of a contact that hits, times the step."""
 
 _HITS = 5.0
-"""Largest force of a contact that is closed at the start, over its force there, by which it has not been hit."""
+"""Largest force of a contact that is closed at the start, over the largest of all there, by which nothing hits it."""
+
+_OPENS = 1e-6
+"""Acceleration of a closed gap, over the largest acceleration, above which it opens."""
 
 _ATTEMPTS = 6
 """Motions with larger bounds of normal forces."""
@@ -90,11 +91,23 @@ _RUNGE_KUTTA = Integration("RK44", CONTACT_SETTINGS)
 
 @dataclass(frozen=True, eq=False)
 class _Step:
-    """What the numbers of contacts follow: step and sample interval in s, softness of contacts that hit."""
+    """What the numbers of contacts follow.
+
+    Attributes
+    ----------
+    step : float, s
+    rigid : float, 1/s^2
+        Stiffness of contacts that stay closed, over the inertia.
+    softness : float
+        Of contacts that hit.
+    room : float, m
+        That a motion needs on planes.
+    """
 
     step: float
-    interval: float
+    rigid: float
     softness: float
+    room: float
 
     @property
     def stiffness(self) -> float:
@@ -130,7 +143,7 @@ class _Seen:
 
     def bound(self, at: _Step) -> float:
         """Return the first bound of the normal force."""
-        return max(_LOAD * self.normal, self.speed * np.sqrt(at.stiffness) / self.A)
+        return max(self.normal, self.speed * np.sqrt(at.stiffness) / self.A)
 
     def penalty(self, at: _Step, bound: float) -> Penalty:
         """Return the numbers of the contact object for a bound of the normal force."""
@@ -139,12 +152,11 @@ class _Seen:
             stiffness = at.stiffness / self.A
             damping = 0.0 if part.restitution else at.damping / self.A
         else:
-            damping = _DAMPING / (at.step * self.A)
-            stiffness = damping / (RELAXATION * at.interval)
+            stiffness, damping = at.rigid / self.A, DAMPING * np.sqrt(at.rigid) / self.A
         zone = at.step * self.G * part.friction * bound
         overlap = self.normal / stiffness
         deep = _DEEP * max(overlap, bound / stiffness, 1e-9)
-        return Penalty(stiffness, damping, max(zone, 1e-12), overlap, deep, restitution=part.restitution)
+        return Penalty(stiffness, damping, max(zone, 1e-12), overlap, deep, at.room, part.restitution)
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,37 +176,61 @@ def can_move(mechanism: Mechanism) -> bool:
 
 
 def contact_motion(
-    mechanism: Mechanism, state: State, times: Array, step: float, softness: float = 1.0
+    mechanism: Mechanism, state: State, times: Array, step: float, softness: float | None = None
 ) -> TrajectoryAnswer:
-    """Integrate a motion with contacts, stops and dry friction.
+    """Integrate a motion with contacts, stops and dry friction; to be extrapolated in the step without a softness.
 
     Raises
     ------
     CannotRepresent
-        A contact with friction that is closed at the start hits later.
+        A contact with friction that is closed at the start hits later, or one gets deeper than its sphere.
     RuntimeError
         Exudyn fails, or normal forces exceed every bound.
     """
-    at = _Step(step, float(times[1] - times[0]), softness)
+    rigid = RIGID / step**2
+    if softness is not None:
+        rigid = min(rigid, LINEAR / (step * float(times[1] - times[0])))
+    at = _Step(step, rigid, softness or 1.0, _room(mechanism, state, float(times[-1] - times[0])))
     seen = _contacts_at_start(mechanism, state)
     bounds = [one.bound(at) for one in seen]
     for _ in range(_ATTEMPTS):
-        penalties = [one.penalty(at, bound) for one, bound in zip(seen, bounds, strict=True)]
+        penalties = _alike([one.penalty(at, bound) for one, bound in zip(seen, bounds, strict=True)])
         run = _assemble(mechanism, state, at, penalties)
         answer, forces = _integrate(mechanism, run, times, step)
         largest = np.max(np.linalg.norm(forces, axis=2), axis=0, initial=0.0)
         if np.all(largest <= _STABLE * np.array(bounds)):
-            return _with_contacts(mechanism, answer, forces, penalties, steps_per_sample(times, step))
-        for one, force in zip(seen, largest, strict=True):
-            if one.speed == 0.0 and one.row.part.friction > 0.0 and force > _HITS * max(one.normal, 1e-9):
-                raise CannotRepresent(
-                    f"contact '{one.row.part.name}', closed at the start, hits later with {force:.3g} N",
-                    "the zone in which its friction is proportional would not vanish with the step",
-                )
+            gaps = gaps_of(mechanism, answer)
+            refuse_fall(mechanism, gaps, penalties)
+            return with_contacts(mechanism, answer, gaps, forces, penalties)
+        _refuse_late_hit(seen, largest)
         bounds = [max(b, 1.2 * f) for b, f in zip(bounds, largest, strict=True)]
     raise RuntimeError(
         f"normal forces exceed every bound, at last {max(bounds):.3g} N: steps of {step:g} s are too long"
     )
+
+
+def _alike(penalties: Sequence[Penalty]) -> list[Penalty]:
+    """Return numbers with the largest radius of points for all: one without load goes as deep as those with it."""
+    deepest = max((one.radius for one in penalties), default=0.0)
+    return [replace(one, radius=deepest) for one in penalties]
+
+
+def _refuse_late_hit(seen: Sequence[_Seen], largest: Array) -> None:
+    """Refuse a contact with friction that is closed at the start, and is hit later."""
+    loaded = max((one.normal for one in seen), default=0.0)
+    for one, force in zip(seen, largest, strict=True):
+        if one.speed == 0.0 and one.row.part.friction > 0.0 and force > _HITS * max(loaded, 1e-9):
+            raise CannotRepresent(
+                f"contact '{one.row.part.name}', closed at the start, hits later with {force:.3g} N",
+                "the zone in which its friction is proportional would not vanish with the step",
+            )
+
+
+def _room(mechanism: Mechanism, state: State, duration: float) -> float:
+    """Longest way on a plane in m, at the velocities of the start and twice the acceleration of gravity."""
+    size = characteristic_length(mechanism)
+    fastest = np.max(np.abs(state.v_WB_W)) + size * np.max(np.abs(state.w_WB_W))
+    return float(size + duration * (fastest + duration * np.linalg.norm(mechanism.gravity)))
 
 
 def _mobility(mechanism: Mechanism, state: State) -> Array:
@@ -213,24 +249,29 @@ def _contacts_at_start(mechanism: Mechanism, state: State) -> list[_Seen]:
     A = np.abs(normals @ W @ normals.T).sum(axis=1)
     tangents = [row.J - np.outer(row.normal, row.normal @ row.J) for row in rows]
     G = [sum(float(np.linalg.norm(one @ W @ two.T, 2)) for two in tangents) for one in tangents]
-    forces = _normal_forces(mechanism, state, rows)
+    forces, opens = _at_start(mechanism, state, rows)
     found, pull = [], float(np.linalg.norm(mechanism.gravity))
-    for row, a, g, normal in zip(rows, A, G, forces, strict=True):
-        hits = row.gap > slack or row.part.restitution > 0.0
+    for row, a, g, normal, open_ in zip(rows, A, G, forces, opens, strict=True):
+        hits = row.gap > slack or row.part.restitution > 0.0 or open_
         speed = float(np.linalg.norm(row.u) + np.sqrt(2.0 * pull * max(row.gap, 0.0))) if hits else 0.0
         found.append(_Seen(row, float(a), g, normal, max(speed, 1e-3) if hits else 0.0))
     return found
 
 
-def _normal_forces(mechanism: Mechanism, state: State, rows: Sequence[TouchRow]) -> list[float]:
-    """Normal forces at the start; the weight shared by all where the state has no solution, as at an impact."""
+def _at_start(mechanism: Mechanism, state: State, rows: Sequence[TouchRow]) -> tuple[list[float], list[bool]]:
+    """Normal forces at the start, and which of the gaps open there.
+
+    Where the state has no solution, as at an impact, all share the weight.
+    """
     try:
         terms = Terms(build(mechanism, state))
-        _, _, parts = contact_accelerations(terms, state, terms.equations(state))
+        a, _, parts = contact_accelerations(terms, state, terms.equations(state))
     except (CannotRepresent, RuntimeError):
         weight = sum(body.mass for body in mechanism.bodies) * float(np.linalg.norm(mechanism.gravity))
-        return [weight / len(rows)] * len(rows)
-    return [max(0.0, float(row.normal @ force)) for row, force in zip(rows, parts, strict=True)]
+        return [weight / len(rows)] * len(rows), [False] * len(rows)
+    least = _OPENS * max(1.0, float(np.max(np.abs(a))))
+    opens = [row.rate > AT_REST or row.normal @ (row.J @ a + row.gamma) + row.n_dot @ row.u > least for row in rows]
+    return [max(0.0, float(row.normal @ force)) for row, force in zip(rows, parts, strict=True)], opens
 
 
 def _assemble(mechanism: Mechanism, state: State, at: _Step, penalties: Sequence[Penalty]) -> _Run:
@@ -355,45 +396,3 @@ def _integrate(mechanism: Mechanism, run: _Run, times: Array, step: float) -> tu
     forces = np.array([stored(run.system, sensor, every) for sensor in run.forces]).reshape(-1, len(every), 3)
     forces[:, 0] = forces[:, 1]  # before the first step Exudyn's contacts have no force
     return answer, forces.swapaxes(0, 1)
-
-
-def _with_contacts(
-    mechanism: Mechanism, answer: TrajectoryAnswer, forces: Array, penalties: Sequence[Penalty], count: int
-) -> TrajectoryAnswer:
-    """Return a motion with gaps, impulses and modes of contacts.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-    answer : TrajectoryAnswer
-    forces : ndarray
-        As from `_integrate`.
-    penalties : sequence of Penalty
-    count : int
-        Steps in a sample interval.
-    """
-    if not mechanism.contacts:
-        return answer
-    states = [answer.state(n) for n in range(len(answer.time))]
-    gaps = [[contact_gap(mechanism, state, contact) for contact in mechanism.contacts] for state in states]
-    step = (answer.time[1] - answer.time[0]) / count
-    trapezoids = 0.5 * step * (forces[1:] + forces[:-1])
-    impulses = trapezoids.reshape(-1, count, *forces.shape[1:]).sum(axis=1)
-    impulses = np.concatenate([np.zeros((1, *forces.shape[1:])), impulses])
-    modes = [_modes(mechanism, state, now, penalties) for state, now in zip(states, forces[::count], strict=True)]
-    return replace(
-        answer,
-        contact_gap=np.array(gaps),
-        contact_impulse=over_parts(mechanism, impulses, lambda parts: np.asarray(parts.sum(axis=1))),
-        contact_mode=over_parts(mechanism, np.array(modes), joined_mode),
-    )
-
-
-def _modes(mechanism: Mechanism, state: State, forces: Array, penalties: Sequence[Penalty]) -> Array:
-    """Modes of elementary contacts: one that slips by more than its zone slides."""
-    modes = np.zeros(len(forces), dtype=int)
-    for n, ((number, part), penalty) in enumerate(zip(parts_of(mechanism), penalties, strict=True)):
-        if np.any(forces[n]):
-            slip = np.linalg.norm(contact_row(mechanism, state, part, number).slip)
-            modes[n] = 1 if slip >= penalty.zone else 2
-    return modes

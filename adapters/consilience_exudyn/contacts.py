@@ -1,10 +1,11 @@
 """Contacts, stops and dry friction as Exudyn's objects, which exert forces by penalty.
 
-Every elementary contact is an object of its own: a sphere on a large triangle, or two spheres. Only declared pairs
-collide. A sphere is larger by the overlap under the force at the start, so that it presses at a gap of zero. Exudyn
-takes the slip at the bottom of the overlap, which is the point that touches, and the lever of the force to its middle:
-levers are too long by half of the overlap. A point is a sphere that reaches to it, its centre inside the body: Exudyn
-lets a sphere through that is deeper than its radius.
+Every elementary contact is an object of its own: two spheres, or a sphere on a triangle about the point that it touches
+first. Gaps are rounded as the triangle's corners are: it is no larger than a motion needs. Only declared pairs collide.
+A sphere is larger by the overlap under the force at the start, so that it presses at a gap of zero. Exudyn takes the
+slip at the bottom of the overlap, which is the point that touches, and the lever of the force to its middle: levers are
+too long by half of the overlap. A point is a sphere that reaches to it, its centre inside the body: Exudyn lets a
+sphere through that is deeper than its radius.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import numpy as np
 
 from consilience.mechanism import (
     GROUND,
+    Array,
     ElementaryContact,
     Mechanism,
     PointPlane,
@@ -65,8 +67,8 @@ class Penalty:
         Overlap at a gap of zero.
     radius : float, m
         Radius of a point.
-    side : float, m
-        Half the side of the triangle that is a plane.
+    room : float, m
+        Radius of the circle in the triangle that is a plane.
     restitution : float
         Above zero by the model of Gonthier and others, whatever the mass; zero: stiffness and damping alone.
     """
@@ -76,15 +78,16 @@ class Penalty:
     zone: float
     overlap: float = 0.0
     radius: float = 0.0
-    side: float = 1e3
+    room: float = 1.0
     restitution: float = 0.0
 
 
-AT_INSTANT = Penalty(stiffness=0.0, damping=0.0, zone=1e-12, overlap=1e-3, radius=1e-2, side=1e2)
+AT_INSTANT = Penalty(stiffness=0.0, damping=0.0, zone=1e-12, overlap=1e-3, radius=1e-2)
 """Contact at an instant: without a force until its stiffness is set."""
 
-OVERLAP_OF_SPHERES = 1e-5
-"""Overlap of two spheres at an instant, m: the slip between them is taken in the middle of the overlap."""
+OVERLAPS = {False: (2e-3, 2), True: (1e-3, 5)}
+"""Largest overlap at an instant in m, and the number of overlaps, each half of the one before, by whether two spheres
+touch: on a plane the error of a force is in proportion to the overlap; two spheres have the slip in its middle, too."""
 
 
 def is_unilateral(mechanism: Mechanism) -> bool:
@@ -114,10 +117,11 @@ def add_contact(
     mark : callable
         Adds a rigid marker (`constraints.Mark`).
     """
+    nearest = nearest_points(mechanism, state, part)
     center, radius = part.center, part.radius + penalty.overlap
     if isinstance(part, PointPlane):
-        R = np.eye(3) if part.body == GROUND else state.R_WB[mechanism.body_index[part.body]]
-        center = center + penalty.radius * (R.T @ nearest_points(mechanism, state, part).normal)
+        _, R = _frame(mechanism, state, part.body)
+        center = center + penalty.radius * (R.T @ nearest.normal)
         radius += penalty.radius
     law = {
         "nodeNumber": system.AddNode(
@@ -135,14 +139,23 @@ def add_contact(
         both = [first, mark(part.partner, part.partner_center, one)]
         radii = [radius, part.partner_radius]
         return system.AddObject(items.ObjectContactSphereSphere(markerNumbers=both, spheresRadii=radii, **law))
-    both = [first, mark(part.partner, part.point, rotation_with_z_axis(part.normal))]
-    side = penalty.side
-    corners = exu.Vector3DList([[-side, -side, 0.0], [side, -side, 0.0], [0.0, side, 0.0]])
+    p, R = _frame(mechanism, state, part.partner)
+    both = [first, mark(part.partner, R.T @ (nearest.on_partner - p), rotation_with_z_axis(part.normal))]
+    room, across = penalty.room, np.sqrt(3.0) * penalty.room
+    corners = exu.Vector3DList([[-room, -across, 0.0], [2.0 * room, 0.0, 0.0], [-room, across, 0.0]])
     return system.AddObject(
         items.ObjectContactSphereTriangle(
             markerNumbers=both, sphereRadius=radius, trianglePoints=corners, includeEdges=0, **law
         )
     )
+
+
+def _frame(mechanism: Mechanism, state: State, body: str) -> tuple[Array, Array]:
+    """Position and rotation of a body or of the ground."""
+    if body == GROUND:
+        return np.zeros(3), np.eye(3)
+    i = mechanism.body_index[body]
+    return state.p_WB[i], state.R_WB[i]
 
 
 def set_overlap(system: Any, contact: Any, part: ElementaryContact, penalty: Penalty, overlap: float) -> None:

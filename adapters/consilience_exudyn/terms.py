@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag
 
+from consilience.engine import limit_of_halved
 from consilience.mechanism import (
     Array,
     SphereSphere,
@@ -23,7 +24,7 @@ from consilience.mechanism import (
     euler_parameter_matrix,
     rotation_from_quaternion,
 )
-from consilience_exudyn.contacts import AT_INSTANT, OVERLAP_OF_SPHERES, parts_of, set_overlap
+from consilience_exudyn.contacts import AT_INSTANT, OVERLAPS, parts_of, set_overlap
 from consilience_exudyn.library import POINTWISE, exu, simulation_settings
 from consilience_exudyn.maximal import Maximal, coordinates, count_turns, place, velocities
 from consilience_exudyn.rows import DiscRow, gammas
@@ -177,13 +178,13 @@ class Terms:
     def contact_force(self, state: State, number: int | None) -> Array:
         """Return the forces of `Equations` with a unit normal force of one elementary contact, or of none.
 
-        Levers in Exudyn's contacts are too long by half of the overlap: forces are extrapolated from two overlaps.
+        Levers in Exudyn's contacts are too long by half of the overlap: forces are extrapolated to none.
         """
         if number is None:
             return self._contact_force(state, None, AT_INSTANT.overlap)
         _, part = parts_of(self.model.mechanism)[number]
-        overlap = OVERLAP_OF_SPHERES if isinstance(part, SphereSphere) else AT_INSTANT.overlap
-        return 2.0 * self._contact_force(state, number, overlap) - self._contact_force(state, number, 2.0 * overlap)
+        overlap, count = OVERLAPS[isinstance(part, SphereSphere)]
+        return limit_of_halved([self._contact_force(state, number, overlap / 2.0**n) for n in range(count)])
 
     def _contact_force(self, state: State, number: int | None, overlap: float) -> Array:
         system = self.model.system

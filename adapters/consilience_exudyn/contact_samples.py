@@ -1,0 +1,76 @@
+"""Gaps, impulses and modes of contacts at the samples of a motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from consilience.engine import CannotRepresent, TrajectoryAnswer, joined_mode, over_parts
+from consilience.mechanism import Array, Mechanism, State, nearest_points
+from consilience_exudyn.contact_rows import contact_row
+from consilience_exudyn.contacts import Penalty, parts_of
+
+
+def gaps_of(mechanism: Mechanism, answer: TrajectoryAnswer) -> Array:
+    """Gaps of all elementary contacts at all samples, shape (n_t, n), m."""
+    states = [answer.state(n) for n in range(len(answer.time))]
+    parts = parts_of(mechanism)
+    gaps = [nearest_points(mechanism, state, part).gap for state in states for _, part in parts]
+    return np.array(gaps).reshape(len(states), len(parts))
+
+
+def refuse_fall(mechanism: Mechanism, gaps: Array, penalties: Sequence[Penalty]) -> None:
+    """Refuse a motion in which the sphere of a contact is deeper than its radius at a sample.
+
+    Raises
+    ------
+    CannotRepresent
+    """
+    for deepest, (_, part), penalty in zip(gaps.min(axis=0, initial=0.0), parts_of(mechanism), penalties, strict=True):
+        if deepest < -(part.radius or penalty.radius):
+            raise CannotRepresent(
+                f"contact '{part.name}', which hits harder than expected at the start",
+                "Exudyn lets a sphere through that is deeper than its radius",
+            )
+
+
+def with_contacts(
+    mechanism: Mechanism, answer: TrajectoryAnswer, gaps: Array, forces: Array, penalties: Sequence[Penalty]
+) -> TrajectoryAnswer:
+    """Return a motion with gaps, impulses and modes of contacts.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    answer : TrajectoryAnswer
+    gaps, forces : ndarray
+        Gaps at samples, as from `gaps_of`; forces at all steps, shape (steps + 1, n, 3), N.
+    penalties : sequence of Penalty
+    """
+    if not mechanism.contacts:
+        return answer
+    states = [answer.state(n) for n in range(len(answer.time))]
+    count = (len(forces) - 1) // (len(states) - 1)
+    step = (answer.time[1] - answer.time[0]) / count
+    trapezoids = 0.5 * step * (forces[1:] + forces[:-1])
+    impulses = trapezoids.reshape(-1, count, *forces.shape[1:]).sum(axis=1)
+    impulses = np.concatenate([np.zeros((1, *forces.shape[1:])), impulses])
+    modes = [_modes(mechanism, state, now, penalties) for state, now in zip(states, forces[::count], strict=True)]
+    return replace(
+        answer,
+        contact_gap=over_parts(mechanism, gaps, lambda parts: np.asarray(parts.min(axis=1))),
+        contact_impulse=over_parts(mechanism, impulses, lambda parts: np.asarray(parts.sum(axis=1))),
+        contact_mode=over_parts(mechanism, np.array(modes), joined_mode),
+    )
+
+
+def _modes(mechanism: Mechanism, state: State, forces: Array, penalties: Sequence[Penalty]) -> Array:
+    """Modes of elementary contacts: one that slips by more than its zone slides."""
+    modes = np.zeros(len(forces), dtype=int)
+    for n, ((number, part), penalty) in enumerate(zip(parts_of(mechanism), penalties, strict=True)):
+        if np.any(forces[n]):
+            slip = np.linalg.norm(contact_row(mechanism, state, part, number).slip)
+            modes[n] = 1 if slip >= penalty.zone else 2
+    return modes
