@@ -77,6 +77,14 @@ def _refuse_turning(stepping: Stepper, c: Coordinates) -> None:
             raise CannotRepresent(f"contact '{part.name}'", what)
 
 
+def _require_same_contacts(touching: Touching, forces: list[Array]) -> None:
+    """Refuse steps of which some miss a contact that others find: their limit is that of neither."""
+    acting = np.any(forces, axis=2)
+    for n in np.flatnonzero(np.any(acting, axis=0) & ~np.all(acting, axis=0)):
+        name = touching.mechanism.contacts[n].name
+        raise ArithmeticError(f"contact '{name}' acts in some of the halved steps and not in others")
+
+
 def settle(stepping: Stepper, c: Coordinates, state: State) -> Array:
     """Compute generalised accelerations, and the forces of the contacts (n_c, 3) on their bodies, world axes.
 
@@ -109,6 +117,7 @@ def settle(stepping: Stepper, c: Coordinates, state: State) -> Array:
         forces.append(touching.forces)
     if touching.failed():
         raise ArithmeticError("FbfFrictionSolver fails at this state")
+    _require_same_contacts(touching, forces)
     send(stepping.model, c)
     stepping.model.skeleton.setAccelerations(limit_of_halved(quotients))
     return limit_of_halved(forces)

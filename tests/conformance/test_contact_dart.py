@@ -205,6 +205,19 @@ def test_an_instant_of_a_turning_tip_is_refused_and_one_at_rest_is_not():
         instant(mechanism, LAB.state(R @ [0, 0, 0.5], (0, 0, -1.0), turn=R))
 
 
+def test_an_instant_at_which_a_step_misses_the_floor_is_refused():
+    """Feet far out of a body that turns easily: the solver of friction leaves them a rate, and the next step open."""
+    sizes = (10.0, 10.0, 0.5)
+    at = instant(
+        box(LAB, half_sizes=sizes, moments=(133.7, 133.7, 266.7), friction=0.4), LAB.state((0, 0, 0.5), (0, 0, 0))
+    )
+    assert LAB.axes.T[2] @ at.contact_force[0, 0] == pytest.approx(2.0 * G, rel=1e-6)
+    with pytest.raises(ArithmeticError, match="acts in some of the halved steps"):
+        instant(
+            box(LAB, half_sizes=sizes, moments=(0.03, 0.04, 0.035), friction=0.4), LAB.state((0, 0, 0.5), (0, 0, 0))
+        )
+
+
 def test_a_box_at_rest_on_a_steep_slope_tips_about_its_edge():
     mechanism = box(LAB, incline(25.0), (0.1, 0.1, 0.3), moments=(0.4 / 6, 0.4 / 6, 0.08 / 6), friction=0.6)
     state = LAB.state((0, 0, 0.3), (0, 0, 0))

@@ -9,6 +9,10 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from consilience.case import load_case
+from consilience.case.families import family_table
+from consilience.case.file.reader import cases_from_tables
+from consilience.compare.energies import energies_over_time
 from consilience.errors import NumericalFailure
 from consilience.mechanism import (
     GROUND,
@@ -459,3 +463,22 @@ def test_a_slender_rod_in_painleves_states_has_no_or_two_solutions_and_says_so(a
     start = state([along], [X + np.cross(spin, along)], [spin], [about_y(np.arctan2(-along[2], along[0]))])
     with pytest.raises(NumericalFailure, match=what):
         contact_instant(floating([rod], [on_plane("tip", -X, 1.5)]), [start])
+
+
+def test_a_box_that_yaws_on_four_feet_has_no_determined_motion():
+    """A ball beside its middle turns a box that is pushed: how four feet share the weight changes the friction."""
+    name, table = family_table("balls_on_box:rows=1")
+    beside = np.array([4.0, -2.0, 0.0])  # across the normal, (1, 2, 2)/3
+    for part in (table["body"][1], table["joint"][1], table["contact"][1]):
+        part["at"] = (np.array(part["at"]) + beside).tolist()
+    (case,) = cases_from_tables(name, "balls.toml", table)
+    with pytest.raises(NumericalFailure, match="how the contacts share their load is open"):
+        simulate_with_contacts(case.mechanism, case.initial_state, case.times)
+
+
+def test_a_rebound_below_rounding_passes():
+    """Smooth balls that fall into a heap: an impact may leave a neighbour a velocity whose rebound rounding hides."""
+    case = load_case("ball_lattice:restitution=0")
+    answer, _ = simulate_with_contacts(case.mechanism, case.initial_state, case.times)
+    energy = np.sum(energies_over_time(case.mechanism, answer, range(len(case.times))), axis=0)
+    assert np.all(np.diff(energy) <= 1e-9 * abs(energy[0]))

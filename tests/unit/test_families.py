@@ -47,6 +47,8 @@ KNOWN = {
     "sliding_cube:cone=box": 1e-11,
     "balls_in_line": 1e-11,
     "balls_in_line:balls=2,restitution=0.3,gap=0.3": 1e-11,
+    "balls_on_box": 1e-11,
+    "balls_on_box:rows=1,heading=-100": 1e-11,
 }
 """Members with closed-form values, and bounds for the error of the reference."""
 

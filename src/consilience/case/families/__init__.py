@@ -20,6 +20,7 @@ from consilience.case.families.parameters import (
     shown,
     shown_parameters,
 )
+from consilience.case.families.simbenchmark import ball_lattice, balls_on_box
 from consilience.case.families.single import single_joint, top
 from consilience.case.families.springs import spring_chain, stiff_spring
 from consilience.case.file.reader import cases_from_tables
@@ -44,6 +45,8 @@ FAMILIES: dict[str, Family] = {
         sliding_cube,
         balls_in_line,
         box_stack,
+        balls_on_box,
+        ball_lattice,
     )
 }
 """Families by name."""

@@ -19,26 +19,27 @@ COULOMB = "F. Pfeiffer, C. Glocker, Multibody Dynamics with Unilateral Contacts,
 RESTITUTION = "Newton's law of restitution, simultaneous for contacts that are closed together; all numbers are our own"
 
 
-def _axes(normal: Array) -> Array:
-    """Axes of a plane as columns: the projection of the world's x axis, the normal times it, the normal."""
+def contact_axes(normal: Array) -> Array:
+    """Return the axes of a plane as columns: the projection of the world's x axis, the normal times it, the normal."""
     t1 = np.eye(3)[0] - normal[0] * normal
     t1 /= np.linalg.norm(t1)
     return np.column_stack([t1, np.cross(normal, t1), normal])
 
 
-def _free(name: str, at: list[float]) -> TomlTable:
+def free_joint(name: str, at: list[float]) -> TomlTable:
+    """Return the free joint of a body that starts at a place."""
     return {"name": f"{name}_flight", "kind": "free", "predecessor": "ground", "successor": name, "at": at}
 
 
-def _box(name: str, rng: np.random.Generator, center: Array, E: Array, half: Array, mass: float) -> TomlTable:
-    """Lumpy body with its centre of mass in the middle of a box, its axes turned against those of the box."""
+def flat_box(name: str, rng: np.random.Generator, center: Array, half: Array, mass: float) -> TomlTable:
+    """Return a lumpy body with its centre of mass in the middle of a box, its axes turned against those of the box."""
     R = random_rotation(rng)
     com, inertia = lumps(rng, mass, float(np.min(half)))
     return body(name, mass, center - R @ com, R, com, inertia)
 
 
-def _contact(name: str, of: str, center: Array, E: Array, half: Array, foot: Array, mu: float) -> TomlTable:
-    """Contact of a box that lies flat on a plane through `foot`."""
+def flat_contact(name: str, of: str, center: Array, E: Array, half: Array, foot: Array, mu: float) -> TomlTable:
+    """Return the contact of a box that lies flat on a plane through `foot`."""
     axes = {"quaternion": numbers(quaternion_from_rotation(E))}
     box = {"name": name, "body": of, "at": numbers(center), "half_sizes": numbers(half), "orientation": axes}
     return box | {"point": numbers(foot), "normal": numbers(E[:, 2]), "friction": mu}
@@ -78,12 +79,12 @@ def sliding_cube(
     after times and ways that are integrals of powers of w [Pfeiffer & Glocker 1996].
     """
     rng = np.random.default_rng(7)
-    E, half = _axes(NORMAL), np.array([0.2, 0.2, 0.05])
+    E, half = contact_axes(NORMAL), np.array([0.2, 0.2, 0.05])
     a, th = np.radians(slope), np.radians(heading)
     gravity = GRAVITY * (np.sin(a) * E[:, 0] - np.cos(a) * E[:, 2])
     center = PLACE + half[2] * E[:, 2]
-    cube = _box("cube", rng, center, E, half, 2.0)
-    contact = _contact("floor", "cube", center, E, half, PLACE, friction)
+    cube = flat_box("cube", rng, center, half, 2.0)
+    contact = flat_contact("floor", "cube", center, E, half, PLACE, friction)
     if cone != "circle":
         contact["cone"] = {"kind": cone}
     velocity = speed * (np.cos(th) * E[:, 0] + np.sin(th) * E[:, 1])
@@ -101,7 +102,7 @@ def sliding_cube(
         sliding_cube.__doc__ or "",
         [COULOMB],
         ["contact", "lumpy", *(["closed form"] if published else [])],
-        {"gravity": numbers(gravity), "body": [cube], "joint": [_free("cube", cube["at"])], "contact": [contact]},
+        {"gravity": numbers(gravity), "body": [cube], "joint": [free_joint("cube", cube["at"])], "contact": [contact]},
         {"bodies": {"cube": {"velocity": numbers(velocity)}}},
         times,
         published,
@@ -198,7 +199,7 @@ def balls_in_line(
         {
             "gravity": [0.0, 0.0, 0.0],
             "body": bodies,
-            "joint": [_free(b["name"], b["at"]) for b in bodies],
+            "joint": [free_joint(b["name"], b["at"]) for b in bodies],
             "contact": contacts,
         },
         {"bodies": {"ball_1": {"velocity": numbers(speed * d)}}},
@@ -234,7 +235,7 @@ def box_stack(
     InvalidInput
         If the slope is too steep for the friction, or so steep that the stack would tip.
     """
-    E, half, rng = _axes(NORMAL), np.array([0.3, 0.3, 0.05]), np.random.default_rng(5)
+    E, half, rng = contact_axes(NORMAL), np.array([0.3, 0.3, 0.05]), np.random.default_rng(5)
     a = np.radians(slope)
     if np.tan(a) >= friction:
         most = np.degrees(np.arctan(friction))
@@ -247,9 +248,9 @@ def box_stack(
     for k in range(boxes):
         foot = PLACE + 2 * k * half[2] * E[:, 2]
         center = foot + half[2] * E[:, 2]
-        bodies.append(_box(f"box_{k + 1}", rng, center, E, half, 1.0))
+        bodies.append(flat_box(f"box_{k + 1}", rng, center, half, 1.0))
         below = {"partner": f"box_{k}"} if k else {}
-        contacts.append(_contact(f"on_{k}", f"box_{k + 1}", center, E, half, foot, friction) | below)
+        contacts.append(flat_contact(f"on_{k}", f"box_{k + 1}", center, E, half, foot, friction) | below)
     source = "statics: it stays"
     return case_table(
         f"Stack of {boxes} boxes on a slope of {slope:g} degrees",
@@ -259,7 +260,7 @@ def box_stack(
         {
             "gravity": numbers(gravity),
             "body": bodies,
-            "joint": [_free(b["name"], b["at"]) for b in bodies],
+            "joint": [free_joint(b["name"], b["at"]) for b in bodies],
             "contact": contacts,
         },
         {},

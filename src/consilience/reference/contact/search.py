@@ -13,7 +13,7 @@ from consilience.reference.contact import candidates
 from consilience.reference.contact.cones import admissible_force, sticking_margin
 from consilience.reference.contact.headings import Headings
 from consilience.reference.contact.inclusion import residual
-from consilience.reference.contact.mode_system import ModeSolution, active, columns_and_rows
+from consilience.reference.contact.mode_system import RANK, ModeSolution, active, columns_and_rows
 from consilience.reference.contact.problem import ContactProblem, Modes
 from consilience.reference.contact.uniqueness import proven_unique
 
@@ -27,6 +27,8 @@ _SAME = 1e-8
 """Accelerations that differ by less, relative to the largest, are the same solution."""
 
 _EXCHANGES = 40
+
+SHARE = "how the contacts share their load is open, and with it the friction of those that slide in several directions"
 
 _SIDES = 6
 """Covering vectors tried where combinations are too many."""
@@ -63,6 +65,7 @@ class ModeSearch:
         self.undecided = candidates.undecided(problem)
         self.acceleration_unit = float(np.max(np.abs(problem.free) / problem.row_scale(), initial=0.0)) or 1.0
         self.best: tuple[float, str] = (np.inf, "no candidate")
+        self.open = False
 
     def prefer(self, previous: Modes | None, opened: list[int], started: Mapping[int, Array]) -> Modes | None:
         """Return the modes to try first."""
@@ -138,8 +141,15 @@ class ModeSearch:
                         yield checked
 
     def _checked(self, solved: ModeSolution) -> ModeSolution | None:
-        """Return the solution if it satisfies all laws, with undetermined forces within their cones."""
-        if not solved.consistent or solved.singular or not self._moves_right(solved):
+        """Return the solution if it satisfies all laws, with undetermined forces within their cones.
+
+        Note where undetermined forces change the friction, so that accelerations are open.
+        """
+        if not solved.consistent or not self._moves_right(solved):
+            return None
+        if solved.singular:
+            missed = np.abs(residual(self.problem, solved.force, solved.acceleration))
+            self.open = self.open or bool(np.max(missed, initial=0.0) <= VERIFIED)
             return None
         if solved.undetermined.shape[1]:
             margin = sticking_margin(self.problem, solved.modes, solved)
@@ -241,10 +251,19 @@ class ModeSearch:
             slope = float((self.problem.delassus @ S)[n, 0])
             return PainleveParadox(self.problem.names[n], slope, float(self.problem.free[n]))
         names = ", ".join(dict.fromkeys(self.problem.names))
+        if self.open:
+            return NumericalFailure(f"the laws of {names} allow several accelerations: {SHARE}")
         return NumericalFailure(
             f"no modes of {names} satisfy the laws of contact: the best candidate violates that of {self.best[1]} by "
-            f"{self.best[0]:.3g} of the forces"
+            f"{self.best[0]:.3g} of the forces{f'; {SHARE}' if self._shared() else ''}"
         )
+
+    def _shared(self) -> bool:
+        """Return whether normal forces alone are undetermined: several contacts carry one body."""
+        normals = list(self.problem.normals)
+        weight = self.problem.row_scale()[normals]
+        compliance = self.problem.delassus[np.ix_(normals, normals)] / np.outer(weight, weight)
+        return bool(np.linalg.matrix_rank(compliance, RANK, hermitian=True) < len(normals))
 
 
 def alike(one: Modes, other: Modes) -> bool:

@@ -218,9 +218,9 @@ class _ContactSimulation:
             value = float(self.functions.at(self.stepper.t, self.stepper.y, self.stepper)[0][w])
             if rate >= 0.0 or abs(value) <= 1e-16 * self.functions.watches[w].scale:
                 break
-            better = min(max(t - value / rate, start), end)
-            if abs(better - t) <= 4e-16 * max(1.0, abs(t)):
-                break
+            better = t - value / rate
+            if abs(better - t) <= 4e-16 * max(1.0, abs(t)) or not behind <= better <= ahead:
+                break  # found, or where the function turns, without having risen by more than rounding
             t = better
 
     # ------------------------------------------------------------------------------------------------------ events
@@ -297,7 +297,9 @@ class _ContactSimulation:
                 sliding[at] = 0.0
         previous = None if hit or first else before
         found = self._decide(response, touching, sliding, previous, opened, started)
-        self.slips.begin(started, self.speed)
+        slides = [heading is not None for heading in found.modes.heading]
+        rests = [not np.any(sliding[list(one.rows)]) for one in self.layout.friction]
+        self.slips.begin(np.flatnonzero(np.logical_and(slides, rests)).tolist(), self.speed)
         self.stepper.change_modes(found.modes)
         if not first:
             self.samples.compare(self.stepper.t, before, found.modes, hit, stopped)
