@@ -18,10 +18,7 @@ from consilience_pinocchio.dynamics import Solution, articulated_body, collected
 from consilience_pinocchio.elements import Elements
 from consilience_pinocchio.touching import Nearest, Touch
 from consilience_pinocchio.translate import Translation
-from consilience_pinocchio.unilateral import AT_REST, Pressed, Start, Unilateral
-
-CLOSED = 1e-9
-"""Gap in m or rad, and its rate, up to which a contact is closed."""
+from consilience_pinocchio.unilateral import AT_REST, CLOSED, Pressed, Start, Unilateral
 
 FAST = 30.0
 """Acceleration that stands for a slip over a short step, relative to the largest other one."""

@@ -31,6 +31,9 @@ RESTING = 2.0
 REACH = 2.0
 """Motion of a gap in a step that is reckoned with, over what its rates and the largest acceleration give."""
 
+CLOSED = 1e-9
+"""Gap in m or rad up to which a contact or a stop is closed, whatever its rates; at an instant its rate, too."""
+
 AT_REST = 1e-9
 """Slip, or rate of a coordinate, in m/s or rad/s up to which it is at rest."""
 
@@ -81,7 +84,7 @@ class Start:
         if restitution > 0.0 and u < -RESTING * abs(free - u):
             return None if gap + 0.5 * self.h * u > 0.0 else restitution * u / self.h
         reach = REACH * self.h * (abs(u) + abs(free) + self.h * float(np.max(np.abs(self.a))))
-        return None if gap > reach else gap / self.h**2
+        return None if gap > max(reach, CLOSED) else gap / self.h**2
 
     def contact(self, number: int, touch: Touch, nearest: Nearest, needed: float) -> Array:
         """Return the accelerations in the rows of a contact without its forces, shape (3,)."""

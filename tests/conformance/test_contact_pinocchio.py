@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from consilience.case import load_case
 from consilience.engine import Question, Route
 from consilience.errors import InvalidInput
 from consilience.mechanism import (
@@ -186,6 +187,14 @@ def test_rough_spheres_slip_or_grip_in_an_impact(mu, v, w):
         1.84393852306535 * np.hypot(1, min(mu, 0.265366120466955)), rel=2e-3
     )
     np.testing.assert_allclose(impulse, 1.2 * (np.array(v) - [2, 0.5, -0.3]), atol=5e-3)
+
+
+def test_balls_that_touch_take_part_in_the_impact_of_one():
+    """Three equal balls, e 0.5, all contacts at once: the first stops, the others leave at half its speed."""
+    case = load_case("balls_touching")
+    answer = move(case.mechanism, case.initial_state, case.times, case.sample / 10)
+    speeds = np.linalg.norm(answer.v_WB_W[-1], axis=1)
+    np.testing.assert_allclose(speeds, [0.0, 0.5, 0.5], atol=1e-11)
 
 
 def test_a_rocking_block_loses_what_housner_says():
