@@ -13,8 +13,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--mechanisms", type=int, default=300)
     parser.add_argument("--seed", type=int, default=1, help="of the first mechanism; the others follow")
+    parser.add_argument("--limit", type=float, default=120.0, help="of time for one mechanism, s")
     given, found = parser.parse_args(), []
-    for one in campaign(range(given.seed, given.seed + given.mechanisms)):
+    for one in campaign(range(given.seed, given.seed + given.mechanisms), given.limit):
         found.append(one)
         print(f"{one.seed}: {one.reason or f'{one.difference:.2g} m, band {one.band:.2g} m'} {one.message}", flush=True)
     print(summary(found))

@@ -5,17 +5,21 @@ an impact, or a stick, comes anywhere within a step. Its band at a sample is `SA
 successive levels up to that sample, each brought to the finest step, plus `FLOOR`. Both formulations solve impacts by
 Moreau's law.
 
-A mechanism without a comparison has a reason with a name, `REASONS`.
+A mechanism without a comparison has a reason with a name, `REASONS`. Of these, `OPEN` are what the laws leave open; any
+other is a fault of one of the formulations.
 """
 
 from __future__ import annotations
 
+import multiprocessing
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
+from concurrent.futures import TimeoutError
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from pebble import ProcessPool
 
 from consilience.audit.random_contacts import random_contacts
 from consilience.engine import TrajectoryAnswer
@@ -36,13 +40,22 @@ TOLERANCE = 1e-10
 DISPLACED, SENSITIVE = 1e-7, 1e3
 """Change of the velocities of the start, m/s or rad/s, and magnification of it that makes a motion sensitive."""
 
-REASONS = {
+OPEN = {
     "indeterminate": "the laws allow several accelerations",
-    "no solution": "no forces satisfy the laws: contacts jam (Painleve)",
-    "unsettled": "events at one instant follow one another without end",
-    "sensitive": "grazing: nearby starts part",
-    "wide band": "the levels of time stepping are too far apart",
+    "painleve": "no forces satisfy the laws: contacts jam",
+    "grazing": "nearby starts part, or have no motion",
 }
+FAULTS = {
+    "unsettled": "events at one instant follow one another without end",
+    "timed out": "the limit of time was reached",
+    "wide band": "the levels of time stepping are too far apart",
+    "failed": "a formulation failed in another way",
+}
+REASONS = OPEN | FAULTS
+"""Why there is no comparison."""
+
+_TOLD = {"several accelerations": "indeterminate", "(Painleve)": "painleve", "do not settle": "unsettled"}
+"""Words of failures, and the reasons that they tell."""
 
 
 @dataclass(frozen=True)
@@ -74,21 +87,19 @@ class ContactComparison:
 
     @property
     def agrees(self) -> bool:
-        """Whether the difference is within the band, or there is a reason with a name."""
-        return bool(self.reason) or self.difference <= self.band
+        """Whether the difference is within the band, or the laws leave the motion open."""
+        return self.reason in OPEN or (not self.reason and self.difference <= self.band)
 
 
 def compare(seed: int) -> ContactComparison:
     """Compare both formulations on the random mechanism of a seed."""
     mechanism, start = random_contacts(seed)
-    parts, joints = sum(len(contact_parts(c)) for c in mechanism.contacts), len(mechanism.joints)
-    found = ContactComparison(seed, len(mechanism.bodies), parts, joints - len(mechanism.bodies))
+    found = _of_size(seed, mechanism)
     try:
         motion, events = simulate_with_contacts(mechanism, start, TIMES, TOLERANCE, "moreau")
         levels = [step_with_contacts(mechanism, start, TIMES, steps).p_WB for steps in LEVELS]
     except NumericalFailure as failure:
-        told = {"several accelerations": "indeterminate", "do not settle": "unsettled"}
-        reason = next((name for words, name in told.items() if words in str(failure)), "no solution")
+        reason = next((name for words, name in _TOLD.items() if words in str(failure)), "failed")
         return replace(found, reason=reason, message=str(failure))
     off, band = _sizes(motion.p_WB - levels[-1]), SAFETY * band_of(levels) + FLOOR
     worst = int(np.argmax(off / band))
@@ -97,7 +108,12 @@ def compare(seed: int) -> ContactComparison:
         return found
     if band[-1] >= WIDE:
         return replace(found, reason="wide band")
-    return replace(found, reason="sensitive") if _is_sensitive(mechanism, start, motion) else found
+    return replace(found, reason="grazing") if _is_sensitive(mechanism, start, motion) else found
+
+
+def _of_size(seed: int, mechanism: Mechanism) -> ContactComparison:
+    parts = sum(len(contact_parts(contact)) for contact in mechanism.contacts)
+    return ContactComparison(seed, len(mechanism.bodies), parts, len(mechanism.joints) - len(mechanism.bodies))
 
 
 def _sizes(difference: Array) -> Array:
@@ -128,9 +144,16 @@ def _is_sensitive(mechanism: Mechanism, start: State, motion: TrajectoryAnswer) 
     return bool(np.max(np.abs(other.p_WB - motion.p_WB)) > SENSITIVE * DISPLACED)
 
 
-def campaign(seeds: Iterable[int]) -> Iterator[ContactComparison]:
-    """Compare one mechanism after another."""
-    return (compare(seed) for seed in seeds)
+def campaign(seeds: Sequence[int], limit: float = 120.0) -> Iterator[ContactComparison]:
+    """Compare one mechanism after another, in a process that none keeps longer than the limit, s."""
+    with ProcessPool(max_workers=1, context=multiprocessing.get_context("spawn")) as pool:
+        found = [(seed, pool.schedule(compare, args=(seed,), timeout=limit)) for seed in seeds]
+        for seed, future in found:
+            try:
+                yield future.result()
+            except TimeoutError:
+                mechanism, _ = random_contacts(seed)
+                yield replace(_of_size(seed, mechanism), reason="timed out", message=f"after {limit:g} s")
 
 
 def summary(found: list[ContactComparison]) -> str:

@@ -43,6 +43,8 @@ from consilience.reference.kernel.mechanism_record import record_of
 _DETERMINED = 1e-9
 """Part of a reaction, over the reaction, that dependent constraints may leave open."""
 
+HELD = 1e-12  # response of a row that joints hold, over that without joints: it and its acceleration are rounding
+
 
 @dataclass(frozen=True, eq=False)
 class Response:
@@ -255,15 +257,16 @@ class ContactEquations:
         sets = [j for j, one in enumerate(layout.friction) if one.load in loads]
         rows = np.array(sorted({*normals, *(r for j in sets for r in layout.friction[j].rows)}), dtype=np.int64)
         place = {int(row): k for k, row in enumerate(rows)}
-        K = response.K[rows]
+        K, free, scale = response.K[rows], response.free[rows], np.linalg.norm(response.load[:, rows], axis=0)
+        held = np.linalg.norm(K, axis=1) <= HELD * scale
+        K[held] = 0.0
+        free[held & (np.abs(free) <= HELD * scale * np.linalg.norm(self.inverse @ self._ws.f))] = 0.0
         problem = ContactProblem(
-            K @ K.T,
-            response.free[rows],
+            *(K @ K.T, free),
             tuple(layout.names[row] for row in rows),
             tuple(place[n] for n in normals),
             tuple(_at(layout.friction[j], place, float(self.offsets[j]), normals) for j in sets),
-            sliding[rows],
-            np.linalg.norm(response.load[:, rows], axis=0),
+            *(sliding[rows], scale),
         )
         return problem, rows, np.array(sets, dtype=np.int64)
 

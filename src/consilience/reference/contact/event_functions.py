@@ -57,11 +57,13 @@ class EventFunctions:
                 watches.append(Watch("slip", j, speed))
                 if layout.friction[j].facets and not len(mode.held):
                     watches.append(Watch("turn", j, speed))
+        flying = {w.index for w, armed in zip(self.watches, self.armed, strict=True) if w.kind == "gap" and armed}
         self.watches = watches
         values, rates = self.at(stepper.t, stepper.y, stepper)
         self.armed = np.array([v > ARMED * w.scale for v, w in zip(values, watches, strict=True)], dtype=bool)
-        rounding = [-ROUNDING * ARMED * w.scale for w in watches]
-        self.armed |= (np.nan_to_num(rates) > _RISING * speed) & (values >= rounding)
+        noise = ROUNDING * ARMED * np.array([w.scale for w in watches])
+        self.armed |= (np.nan_to_num(rates) > _RISING * speed) & (values >= -noise)
+        self.armed |= np.array([w.kind == "gap" and w.index in flying for w in watches], dtype=bool) & (values > noise)
 
     def at(self, t: float, y: Array, stepper: Stepper) -> tuple[Array, Array]:
         """Return the event functions, and their rates where known (else NaN), at a packed state near the last one."""

@@ -192,6 +192,11 @@ def apply_impact(
     asked = {layout.parts[k].impact_law for k in parts if k is not None}
     law = next((one for one in ("poisson", "moreau") if one in asked), law)
     found = solve_impulse(replace(problem, free=rows.u[at]), restitution[normals], law, at_rest, stepper.t)
+    if found.unique is False:
+        raise NumericalFailure(
+            f"impact at t = {stepper.t:.12g} s: the laws of contact and friction allow several accelerations, here "
+            "velocities afterwards: the motion is not unique from here on"
+        )
     force = np.zeros(len(layout.names))
     force[at] = found.impulse
     y, count = stepper.y, len(equations.model.mass)

@@ -74,6 +74,10 @@ def solve_impulse(
     """
     if not problem.normals:
         return ImpulseSolution(np.zeros(len(problem.free)), problem.free, (), True)
+    approach = problem.free.copy()
+    normals = list(problem.normals)
+    approach[normals] = np.where(np.abs(approach[normals]) <= at_rest, 0.0, approach[normals])
+    problem = replace(problem, free=approach)
     sets = tuple(f for f in problem.friction if f.load is not None)
     sets = tuple(replace(f, static=f.kinetic, offset=0.0) for f in sets)
     problem = replace(problem, friction=sets, sliding=None)

@@ -121,7 +121,7 @@ def _extended(equations: ContactEquations, modes: Modes, normals: Array, sets: A
         friction[j] = mode
         if len(mode.held) < len(one.rows):
             slip = sliding[list(one.rows)]
-            along = slip if np.any(slip) else -mode.drag
+            along = slip if one.vertices is None and np.any(slip) else -mode.drag
             size = float(np.linalg.norm(along))
             heading[j] = along / size if size > 0.0 else np.eye(len(one.rows))[0]
     return RowModes(closed, equations.pressed.copy(), tuple(friction), tuple(heading))
@@ -184,7 +184,10 @@ def widest_margin(
 
 
 def sliding_rates(equations: ContactEquations, modes: RowModes | None, least: float) -> Array:
-    """Return the rates of the rows, exactly zero where nothing slides: what was held, or is slower than `least`."""
+    """Return the rates of the rows, exactly zero where nothing slides: what was held, or is slower than `least`.
+
+    What slides along a facet of a pyramid but for `least` slides along it exactly.
+    """
     u = equations.rows.u.copy()
     for j, one in enumerate(equations.layout.friction):
         at = list(one.rows)
@@ -192,8 +195,12 @@ def sliding_rates(equations: ContactEquations, modes: RowModes | None, least: fl
         if mode is None:
             if float(np.linalg.norm(u[at])) <= least:
                 u[at] = 0.0
+            else:
+                u[at] = one.along_facet(u[at], least)
         elif len(mode.held) == len(at):
             u[at] = 0.0
         elif len(mode.held):
             u[at] -= mode.held.T @ (mode.held @ u[at])
+        else:
+            u[at] = one.along_facet(u[at], least)
     return u

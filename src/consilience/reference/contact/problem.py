@@ -121,6 +121,16 @@ class FrictionSet:
             0.5 * self.kinetic * (vertices[first] + vertices[second]), side[None] / half, self.kinetic * half
         )
 
+    def along_facet(self, slip: Array, least: float) -> Array:
+        """Slip, shape (d,), without its part across the bisector of two vertices where that is at most `least`, m/s."""
+        vertices = self.vertices
+        if vertices is None or len(self.rows) == 1:
+            return slip
+        first, second = np.argsort(vertices @ slip, kind="stable")[:2]
+        side = (vertices[second] - vertices[first]) / np.linalg.norm(vertices[second] - vertices[first])
+        across = float(side @ slip)
+        return slip - across * side if abs(across) <= least else slip
+
 
 @dataclass(frozen=True, eq=False)
 class Modes:

@@ -65,13 +65,14 @@ class ModeSearch:
         self.undecided = candidates.undecided(problem)
         self.acceleration_unit = float(np.max(np.abs(problem.free) / problem.row_scale(), initial=0.0)) or 1.0
         self.best: tuple[float, str] = (np.inf, "no candidate")
-        self.open = False
+        self.started: frozenset[int] = frozenset()
+        self.family: ModeSolution | None = None  # a solution of modes that leave accelerations open
 
     def prefer(self, previous: Modes | None, opened: list[int], started: Mapping[int, Array]) -> Modes | None:
         """Return the modes to try first."""
         if previous is None and not opened and not started:
             return None
-        modes = previous or self.natural
+        modes, self.started = previous or self.natural, frozenset(started)
         for i in opened:
             modes = modes.opened(i)
         for j, heading in started.items():
@@ -85,7 +86,7 @@ class ModeSearch:
     ) -> tuple[ModeSolution, tuple[ModeSolution, ...], bool | None]:
         """Return the first admissible solution, the others, and whether there are none."""
         found = self.first(preferred)
-        if found is None:
+        if found is None or found is self.family or (self.family is not None and self.differs(found, self.family)):
             raise self.failure()
         if proven_unique(self.problem):
             return found, (), True
@@ -114,10 +115,26 @@ class ModeSearch:
         for modes in self._candidates(preferred):
             found = self.exchanged(modes)
             if found is not None:
-                return found
+                return self._calmed(found)
         if candidates.count(self.problem) > _MOST:
-            return None
-        return next(self.all(), None)
+            return self.family
+        return next(self.all(), None) or self.family
+
+    def _calmed(self, solved: ModeSolution) -> ModeSolution:
+        """Return the solution with all held that does not move, if that is admissible and has not just broken away.
+
+        Where forces are undetermined, friction at its bound can leave at rest what friction within its bound holds.
+        """
+        weight, modes = self.problem.row_scale(), solved.modes
+        for j in set(self.undecided) - self.started:
+            rows, natural = list(self.problem.friction[j].rows), self.natural.friction[j]
+            moves = np.max(np.abs(natural.held @ (solved.acceleration[rows] / weight[rows])))
+            if not len(modes.friction[j].held) and moves <= _SAME * self.acceleration_unit:
+                modes = modes.with_friction(j, natural)
+        if modes is solved.modes:
+            return solved
+        calm = self._checked(Headings(self.problem, modes).solved())
+        return solved if calm is None or self.differs(calm, solved) else calm
 
     def _candidates(self, preferred: Modes | None) -> Iterator[Modes]:
         if preferred is not None:
@@ -143,22 +160,26 @@ class ModeSearch:
     def _checked(self, solved: ModeSolution) -> ModeSolution | None:
         """Return the solution if it satisfies all laws, with undetermined forces within their cones.
 
-        Note where undetermined forces change the friction, so that accelerations are open.
+        One whose undetermined forces load what slides is one of a family of solutions, and kept as that.
         """
-        if not solved.consistent or not self._moves_right(solved):
-            return None
-        if solved.singular:
-            missed = np.abs(residual(self.problem, solved.force, solved.acceleration))
-            self.open = self.open or bool(np.max(missed, initial=0.0) <= VERIFIED)
+        if not solved.consistent or not (solved.singular or self._moves_right(solved)):
             return None
         if solved.undetermined.shape[1]:
             margin = sticking_margin(self.problem, solved.modes, solved)
             solved = replace(solved, force=admissible_force(self.problem, solved, margin))
+        if solved.singular:
+            solved = replace(solved, acceleration=self.problem.acceleration(solved.force))
+            if not self._moves_right(solved):
+                return None
         missed = np.abs(residual(self.problem, solved.force, solved.acceleration))
         worst = int(np.argmax(missed)) if len(missed) else 0
         if len(missed) and missed[worst] < self.best[0]:
             self.best = (float(missed[worst]), self.problem.names[worst])
-        return solved if np.max(missed, initial=0.0) <= VERIFIED else None
+        if np.max(missed, initial=0.0) > VERIFIED:
+            return None
+        if solved.singular:
+            self.family = solved
+        return None if solved.singular else solved
 
     def _moves_right(self, solved: ModeSolution) -> bool:
         """Return whether no open normal closes and no friction drives its own sliding: forces do not matter here."""
@@ -251,7 +272,7 @@ class ModeSearch:
             slope = float((self.problem.delassus @ S)[n, 0])
             return PainleveParadox(self.problem.names[n], slope, float(self.problem.free[n]))
         names = ", ".join(dict.fromkeys(self.problem.names))
-        if self.open:
+        if self.family is not None:
             return NumericalFailure(f"the laws of {names} allow several accelerations: {SHARE}")
         return NumericalFailure(
             f"no modes of {names} satisfy the laws of contact: the best candidate violates that of {self.best[1]} by "

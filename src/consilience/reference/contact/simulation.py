@@ -15,6 +15,8 @@ the speeds.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -185,6 +187,7 @@ class _ContactSimulation:
         if watch.kind == "slip" and not self._stops(t, watch):
             stepper.go_back_to(stepper.started + 0.5 * (t - stepper.started))
             self.functions.armed = armed
+            self._refuse_standstill()
             return
         self._end_at(t, w)
         self._record(float(np.nextafter(self.stepper.t, -np.inf)))
@@ -291,39 +294,24 @@ class _ContactSimulation:
         if not hit:
             touching |= before.closed
         sliding = sliding_rates(self.equations, None if hit or first else before, still)
+        halted: list[int] = []
         for j, one in enumerate(self.layout.friction if stopped else ()):
             at = list(one.rows)  # what moves as one stops as one
             if j in stopped or float(np.linalg.norm(sliding[at])) <= STOPPED * self.speed:
-                sliding[at] = 0.0
+                sliding[at], halted = 0.0, halted + at
         previous = None if hit or first else before
-        found = self._decide(response, touching, sliding, previous, opened, started)
+        with self._telling_time():
+            found = self._decide(response, touching, sliding, previous, opened, started)
         slides = [heading is not None for heading in found.modes.heading]
         rests = [not np.any(sliding[list(one.rows)]) for one in self.layout.friction]
         self.slips.begin(np.flatnonzero(np.logical_and(slides, rests)).tolist(), self.speed)
-        self.stepper.change_modes(found.modes)
+        self.stepper.change_modes(found.modes, halted)
         if not first:
             self.samples.compare(self.stepper.t, before, found.modes, hit, stopped)
         self.functions.renew(found, self.stepper, self.speed)
         self.bounces.note(found)
 
     def _decide(
-        self,
-        response: Response,
-        touching: Array,
-        sliding: Array,
-        previous: RowModes | None,
-        opened: frozenset[int],
-        started: dict[int, Array],
-    ) -> LastingContact:
-        """Decide the modes, as `_decided`; a failure tells the time."""
-        try:
-            return self._decided(response, touching, sliding, previous, opened, started)
-        except NumericalFailure as failure:
-            if "t = " in str(failure):
-                raise
-            raise NumericalFailure(f"t = {self.stepper.t:.12g} s: {failure}") from failure
-
-    def _decided(
         self,
         response: Response,
         touching: Array,
@@ -343,6 +331,16 @@ class _ContactSimulation:
                 return require_unique(found, self.stepper.t)
         found = decide_lasting(self.equations, response, touching, sliding, previous, opened, started)
         return require_unique(found, self.stepper.t)
+
+    @contextmanager
+    def _telling_time(self) -> Iterator[None]:
+        """Let a failure tell the time."""
+        try:
+            yield
+        except NumericalFailure as failure:
+            if "t = " in str(failure):
+                raise
+            raise NumericalFailure(f"t = {self.stepper.t:.12g} s: {failure}") from failure
 
     def _speeds(self) -> float:
         """Return the speed of the fastest body, or that of falling by the length of the mechanism."""
@@ -370,9 +368,10 @@ class _ContactSimulation:
             restitution = self.layout.rebounds(-rate)
             for n in np.flatnonzero(taking & (rate < 0.0)):
                 restitution[n] = self._restitution(int(n), -float(rate[n]), float(restitution[n]))
-            record, velocity, forces = apply_impact(
-                self.equations, response, stepper, taking, restitution, still, self.law
-            )
+            with self._telling_time():
+                record, velocity, forces = apply_impact(
+                    self.equations, response, stepper, taking, restitution, still, self.law
+                )
             self.impacts.append(record)
             hit |= set(np.flatnonzero(strikes).tolist())
             for n in np.flatnonzero(strikes):

@@ -7,6 +7,7 @@ that they lose are integrated along.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -133,12 +134,12 @@ class Stepper:
         self._Y[-1] += loss
         self._restart()
 
-    def change_modes(self, modes: RowModes) -> None:
-        """Continue in other modes, from the state projected onto what lasts in them."""
+    def change_modes(self, modes: RowModes, halted: Sequence[int] = ()) -> None:
+        """Continue in other modes, from the state projected onto what lasts in them, and onto rows that have halted."""
         self.modes = modes
         self.equations.activate(modes)
         self._Y = self._Y.copy()
-        self._project(self.t, self.y, self._turns)
+        self._project(self.t, self.y, self._turns, halted)
         self._restart()
 
     # ------------------------------------------------------------------------------------------------------ steps
@@ -214,8 +215,8 @@ class Stepper:
 
     # ------------------------------------------------------------------------------------------------- projection
 
-    def _project(self, t: float, y: Array, turns: Array) -> None:
-        """Project a state onto the joints, closed gaps and sticking rows, in the mass metric; count turns."""
+    def _project(self, t: float, y: Array, turns: Array, halted: Sequence[int] = ()) -> None:
+        """Project a state onto the joints, closed gaps, sticking and halted rows, in the mass metric; count turns."""
         inverse, n = self.equations.inverse, self._bodies
         normalise(y, n)
         closed = np.flatnonzero(self.modes.closed)
@@ -230,7 +231,7 @@ class Stepper:
                     break
                 step = least_change(inverse, np.vstack([Q[:holonomic], rows.J[normals]]), -left)[0]
                 move_bodies(y, step.reshape(-1, 6))
-            self._project_velocity(t, y, turns)
+            self._project_velocity(t, y, turns, halted)
         count_turns(self._model, y, self._ws, turns)
 
     def _held_rows(self) -> Array:
@@ -242,12 +243,12 @@ class Stepper:
                 held.append(mode.held @ J[list(one.rows)])
         return np.vstack(held)
 
-    def _project_velocity(self, t: float, y: Array, turns: Array) -> None:
+    def _project_velocity(self, t: float, y: Array, turns: Array, halted: Sequence[int]) -> None:
         Q, _, rate = self.equations.joint_rows(t, y, turns)
         self.equations.move(t, y, turns)
         if len(Q):
             self.equations.rank[0] = least_change(self.equations.inverse, Q, np.zeros(len(Q)))[1]
-        held = self._held_rows()
+        held = np.vstack([self._held_rows(), self.equations.rows.J[list(halted)]])
         both, v = np.vstack([Q, held]), y[: self._bodies, 7:13].ravel()
         wanted = np.concatenate([rate, np.zeros(len(held))]) - both @ v
         y[: self._bodies, 7:13] += least_change(self.equations.inverse, both, wanted)[0].reshape(-1, 6)

@@ -10,8 +10,8 @@ with f, Q and J at q_m. It knows no modes, no accelerations of contacts, no even
 sticking are the same problem. Its impacts are Moreau's (`impulse`). Errors are of order one in h; between impacts they
 have an expansion in h, and an impact comes at a random place within a step.
 
-The problem is solved by successive projections, row by row (Jourdan, Alart and Jean 1998), compiled. Where contacts
-jam they do not converge, and a search for modes takes their place.
+The problem is solved by successive projections, row by row (Jourdan, Alart and Jean 1998), compiled. Where they
+converge slowly, a search for modes takes their place.
 """
 
 from __future__ import annotations
@@ -21,18 +21,19 @@ from itertools import pairwise
 
 import numpy as np
 
+from consilience.errors import NumericalFailure
 from consilience.mechanism import Array, Mechanism, State
 from consilience.reference.bodies.arrays import pack, unpack, workspace
 from consilience.reference.bodies.forces import count_turns
 from consilience.reference.contact.decision import decide
-from consilience.reference.contact.equations import ContactEquations, Response
+from consilience.reference.contact.equations import HELD, ContactEquations, Response
 from consilience.reference.contact.joint_friction import with_offsets
 from consilience.reference.contact.layout import layout_of
 from consilience.reference.contact.stepper import least_change, move_bodies
 from consilience.reference.kernel.compiled import allocating, inner
 
 _PROJECTIONS = 2
-_SWEEPS = 2000
+_SWEEPS, _PATIENT_SWEEPS = 2000, 200_000  # before a search for modes, and after one without success
 _SOLVED = 1e-13
 """Change of the velocities in a sweep at which the problem is solved, over their size."""
 
@@ -108,6 +109,9 @@ class _Scheme:
         equations.press(0.0)
         response = equations.respond(t + 0.5 * h, middle, self._turns)
         free, after = equations.free_velocities(response, velocity.ravel(), h)
+        held = np.linalg.norm(response.K, axis=1) <= HELD * np.linalg.norm(response.load, axis=0)
+        response = replace(response, K=np.where(held[:, None], 0.0, response.K))
+        free[held] = 0.0
         rows, layout = equations.rows, equations.layout
         before = rows.u[self._normals]
         closed = rows.gap[layout.gaps] <= _CLOSED * self._model.length
@@ -117,8 +121,13 @@ class _Scheme:
         act[self._normals[closed]] = True
         offsets = h * equations.offsets
         p = np.where(act, self._p, 0.0)
-        if _project(response.K @ response.K.T, free + rebound, self._law, offsets, act, p) == _SWEEPS:
-            p = self._decided(response, free + rebound, offsets, closed)
+        G, free = response.K @ response.K.T, free + rebound
+        if not _project(G, free, self._law, offsets, act, _SWEEPS, p):
+            try:
+                p = self._decided(response, free, offsets, closed)
+            except NumericalFailure:
+                if not _project(G, free, self._law, offsets, act, _PATIENT_SWEEPS, p):
+                    raise
         self._p, self.impulse = p, self.impulse + p + h * response.given
         y[: self.bodies, 7:13] = (after + equations.inverse.T @ (response.K.T @ p)).reshape(-1, 6)
         move_bodies(y, 0.5 * h * (velocity + y[: self.bodies, 7:13]))
@@ -183,15 +192,15 @@ def _into_set(facets: int, angle: float, radius: float, x: float, y: float) -> t
 
 
 @allocating
-def _project(G, free, law, offsets, closed, p):  # type: ignore[no-untyped-def]
-    """Solve the problem of one step by successive projections, in place of p; return the number of sweeps."""
+def _project(G, free, law, offsets, closed, sweeps, p):  # type: ignore[no-untyped-def]
+    """Solve the problem of one step by successive projections, in place of p; return whether they have converged."""
     rows, load, facets, numbers = law
     m, sets = free.shape[0], load.shape[0]
     u = free + G @ p
     size = 0.0
     for row in range(m):
         size = max(size, abs(free[row]) / max(np.sqrt(G[row, row]), 1e-300))
-    for sweep in range(_SWEEPS):
+    for _ in range(sweeps):
         change = 0.0
         for row in range(m):
             if closed[row] and G[row, row] > 0.0:
@@ -217,5 +226,5 @@ def _project(G, free, law, offsets, closed, p):  # type: ignore[no-untyped-def]
             u += G[:, a] * (x - p[a]) + G[:, b] * (y - p[b])
             p[a], p[b] = x, y
         if change <= _SOLVED * size:
-            return sweep
-    return _SWEEPS
+            return True
+    return False
