@@ -2,13 +2,17 @@
 
 Numba compiles a kernel for the types of its arguments at the first call and caches the machine code on disk for all
 processes. Test processes that run side by side would each compile the same kernels. Here each set of argument types is
-compiled by one process only.
+compiled by one process only. With ``--copy PACKAGE``, the kernels of another installation of the same sources, given
+by the folder of its package, are copied and none is compiled.
 """
 
 from __future__ import annotations
 
+import argparse
 import contextlib
+import hashlib
 import os
+import shutil
 import subprocess
 import sys
 from concurrent.futures import ProcessPoolExecutor
@@ -118,5 +122,31 @@ def compile_apart() -> None:
     subprocess.run([sys.executable, str(Path(__file__))], env=environment, check=False)
 
 
+def copy_kernels(other: Path) -> int:
+    """Copy the compiled kernels of another package folder with the same sources; return the number of files.
+
+    Numba names a folder of its cache after the room of the sources and a digest of the room's path.
+    """
+    import consilience
+    from consilience.reference.kernel import cache
+
+    package = Path(consilience.__file__).parent
+    if cache.digest(other) != cache.digest(package):
+        return 0
+    files = list((other / cache.kernels_folder().relative_to(package)).glob("*/*.nb[ic]"))
+    for file in files:
+        room = package / "reference" / file.parent.name.rpartition("_")[0]
+        here = cache.kernels_folder() / f"{room.name}_{hashlib.sha1(str(room).encode()).hexdigest()}"
+        here.mkdir(parents=True, exist_ok=True)
+        shutil.copy(file, here)
+    return len(files)
+
+
 if __name__ == "__main__":
-    compile_all()
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--copy", type=Path, metavar="PACKAGE", help="copy the kernels of another installation")
+    other = parser.parse_args().copy
+    if other is None:
+        compile_all()
+    else:
+        print(f"{copy_kernels(other)} files of kernels copied")

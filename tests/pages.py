@@ -137,7 +137,7 @@ class Block:
 def blocks(page: Path) -> tuple[Block, ...]:
     """Return the code blocks of a page in order; indented blocks have no language."""
     name = str(page.relative_to(ROOT))
-    tokens = MarkdownIt("commonmark").parse(page.read_text(encoding="utf-8"))
+    tokens = MarkdownIt("commonmark").disable("inline").parse(page.read_text(encoding="utf-8"))
     return tuple(
         Block(name, token.map[0] + 1, token.info.strip(), token.content)
         for token in tokens

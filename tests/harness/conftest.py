@@ -4,15 +4,16 @@ The miniature engines of `plugins` are installed only while these tests run. The
 folder on the path with a ``.dist-info`` that names entry points.
 """
 
+import os
 import sys
 from pathlib import Path
 
 import pytest
 
 FOLDER = "CONSILIENCE_TEST_ANSWERS"
-"""Environment variable that the engine ``honest`` reads: its module can be imported only while it is installed."""
+"""Environment variable that `kept_answers` reads, which can be imported only while the plugins are installed."""
 
-PLUGINS = str(Path(__file__).parent / "plugins")
+PLUGINS, KEPT = (str(Path(__file__).parent / name) for name in ("plugins", "kept"))
 
 
 @pytest.fixture(scope="package", autouse=True)
@@ -29,7 +30,12 @@ def _answers(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def answers_kept(_answers):
-    """Let the engine ``honest``, and all that descend from it, compute each answer once for all processes."""
+    """Let the reference, the engine ``honest`` and all that descend from it compute each answer once for all processes.
+
+    The entry point in `KEPT` takes the place of the reference's own, because that folder is the last of the path.
+    """
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "path", [*sys.path, KEPT])
+        patch.setenv("PYTHONPATH", os.pathsep.join(sys.path))
         patch.setenv(FOLDER, str(_answers))
         yield

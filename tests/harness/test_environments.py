@@ -2,6 +2,7 @@
 
 import ast
 import os
+import shutil
 import subprocess
 import sys
 import zipfile
@@ -13,6 +14,7 @@ import pytest
 
 import consilience
 from consilience.engine import Method, Question, Route, installed, require_installed, split_name
+from consilience.engine.worker import environments
 from consilience.engine.worker.client import Request, Worker
 from consilience.engine.worker.environments import REQUIREMENTS, WORKER_SIDE
 from consilience.mechanism import Coupling, through
@@ -81,15 +83,19 @@ def test_two_versions_answer_and_their_environments_are_built_once(cache):
     assert not [name for name in names if name.startswith(("scipy", "numba", "pydantic", "consilience"))]
 
 
-def test_an_environment_that_was_not_finished_is_built_again(cache):
+def test_an_environment_that_was_not_finished_is_built_again(cache, tmp_path, monkeypatch):
+    """What is left of it is removed first. A copy of the whole environment stands for what pip would build."""
     with Worker(f"toy@{VERSIONS[0]}") as worker:
         assert worker.ask(Request()).returned
     (record,) = (cache / "consilience" / "environments").glob(f"toy-{VERSIONS[0]}-*/consilience.json")
     record.unlink()
+    whole = shutil.copytree(record.parent, tmp_path / "whole", symlinks=True)
     (record.parent / "lib").rename(record.parent / "broken")
+    monkeypatch.setattr(environments, "_build", lambda name, folder, *_: shutil.copytree(whole, folder, symlinks=True))
     with Worker(f"toy@{VERSIONS[0]}") as worker:
         assert worker.ask(Request()).returned
     assert record.is_file()
+    assert not (record.parent / "broken").exists()
 
 
 def reason_of(engine):

@@ -433,7 +433,8 @@ def test_a_disagreement_that_shows_only_sometimes_is_kept_as_it_was():
 
 # ------------------------------------------------------------------ campaigns
 
-PLANTED = ("dropped_product", "reaction_axes", "body_axes_velocity", "centre_of_mass_lost")
+PLANTED = ("dropped_product", "reaction_axes")
+"""Errors of the model and of the reactions; `test_mutants` shows that every error is seen."""
 
 
 @pytest.fixture(scope="module")

@@ -23,6 +23,8 @@ import pages
 from consilience.audit import coverage as coverage_audit
 from consilience.audit.mutate import campaign, judge, plan, summary
 from consilience.audit.mutate.synthetic import NAME
+from consilience.case import load_case
+from consilience.case.file.writer import case_table, table_text
 from consilience.cli.commands.coverage import coverage
 from consilience.compare import Verdict
 from consilience.report.html import render_html
@@ -44,12 +46,14 @@ def killed(*more):
     return done.returncode, done.stdout.splitlines()[-1], done.stdout + done.stderr
 
 
+@pytest.mark.usefixtures("answers_kept")
 def test_suites_that_are_killed_go_on_and_say_the_same():
     code, last, said = killed("--kills", "3")
     assert last.startswith("3 kills, "), said
     assert (code, last.endswith(" 0 wrong")) == (0, True), said
 
 
+@pytest.mark.usefixtures("answers_kept")
 @pytest.mark.parametrize(("fault", "seen"), [("forgets", "are gone"), ("asks_again", "another report")])
 def test_a_store_that_forgets_or_finds_nothing_fails_the_kills(fault, seen):
     """Forgotten, the answers that were seen are other ones; asked again, they are refused by the database."""
@@ -90,11 +94,13 @@ def test_a_judge_that_is_blind_or_sees_errors_everywhere_fails_the_mutants(monke
     assert summary.exit_code(found) != 0
 
 
-def test_bands_that_are_too_narrow_fail_the_coverage(monkeypatch):
+def test_bands_that_are_too_narrow_fail_the_coverage(monkeypatch, tmp_path):
     app = typer.Typer()
     app.command()(coverage)
     monkeypatch.setattr(coverage_audit, "BUDGET", 0.0)  # the least factor of a finer run
-    asked = ["simple_pendulum-small", "-e", "mujoco"]
+    file = tmp_path / "pendulum.toml"
+    file.write_text(table_text(case_table(load_case("simple_pendulum-small").with_span(2.5, None))), encoding="utf-8")
+    asked = [str(file), "-e", "mujoco"]
     assert CliRunner().invoke(app, asked).exit_code == 0
     honest = coverage_audit.estimates
 

@@ -1,5 +1,8 @@
 """Energies along a motion against the energies of its single states."""
 
+import functools
+from itertools import islice
+
 import numpy as np
 import pytest
 
@@ -9,13 +12,20 @@ from consilience.engine import TrajectoryAnswer
 from consilience.mechanism import drawing_state, kinetic_energy, potential_energy, random_states
 from consilience.mechanism.observables import load_potentials
 
-SEEDS = [seed for seed in range(60) if random_mechanism(seed).springs or random_mechanism(seed).joint_springs][:12]
+SAMPLES = 12
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-def test_energies_are_those_of_the_states(seed):
+@functools.cache
+def sprung():
+    """Return random mechanisms with springs, and their seeds."""
+    drawn = ((seed, random_mechanism(seed)) for seed in range(60))
+    return list(islice(((seed, m) for seed, m in drawn if m.springs or m.joint_springs), SAMPLES))
+
+
+@pytest.mark.parametrize("drawn", range(SAMPLES))
+def test_energies_are_those_of_the_states(drawn):
     """Random mechanisms with springs; quaternions are not of unit length."""
-    mechanism = random_mechanism(seed)
+    seed, mechanism = sprung()[drawn]
     states = random_states(mechanism, drawing_state(mechanism), 4, seed)
     p, quat, v, w = (np.array([getattr(s, n) for s in states]) for n in ("p_WB", "quat_WB", "v_WB_W", "w_WB_W"))
     motion = TrajectoryAnswer(np.arange(4.0), p, 1.5 * quat, v, w)
@@ -28,7 +38,7 @@ def test_energies_are_those_of_the_states(seed):
 
 
 def test_the_samples_have_loads_and_springs_of_both_kinds():
-    drawn = [random_mechanism(seed) for seed in SEEDS]
+    drawn = [mechanism for _, mechanism in sprung()]
     assert any(m.springs for m in drawn)
     assert any(m.joint_springs for m in drawn)
     assert any(x.kind == "force" and x.frame == "world" for m in drawn for x in m.loads)

@@ -57,12 +57,13 @@ def subject_of(key: SubjectKey) -> MutationSubject:
 
 @dataclass(frozen=True)
 class MutationTask:
-    """One mutant in one host at one magnitude."""
+    """One mutant in one host at one magnitude; `until_caught` ends it at the first mechanism that catches it."""
 
     mutant: str
     host: str
     magnitude: float
     subjects: tuple[SubjectKey, ...]
+    until_caught: bool = False
 
 
 @dataclass
@@ -243,14 +244,16 @@ def unplanted(task: MutationTask) -> dict[SubjectKey, list[Comparison]]:
 
 def perform(task: MutationTask) -> TaskOutcome:
     """Judge one mutant of one magnitude in one host, in this process."""
-    mutant = MUTANTS[task.mutant]
+    mutant, host = MUTANTS[task.mutant], new_host(task.host)
     outcome = TaskOutcome(task.mutant, task.host, task.magnitude)
-    before = unplanted(task)  # first: an error in a module acts on every engine of this process
     try:
-        with mutant.plant(new_host(task.host), task.magnitude) as engine:
-            for key, comparisons in before.items():
-                if comparisons:
-                    _judge(mutant, engine, key, comparisons, outcome)
+        for key in task.subjects:
+            before = _before(mutant, task.host, key)  # first: an error in a module acts on every engine here
+            if before:
+                with mutant.plant(host, task.magnitude) as engine:
+                    _judge(mutant, engine, key, before, outcome)
+            if task.until_caught and outcome.noticed:
+                break
     except SeamError as error:
         outcome = TaskOutcome(task.mutant, task.host, task.magnitude)
         outcome.unusable = f"the mutant does not fit the adapter: {error}"

@@ -71,7 +71,8 @@ def full(
 def short(mutants: Sequence[Mutant], hosts: Sequence[str]) -> tuple[list[MutationTask], list[SubjectKey]]:
     """Return the tasks and mechanisms of a campaign of a minute.
 
-    Each mutant is planted in one host, in turn, at two magnitudes (motions: one), and judged on few mechanisms.
+    Each mutant is planted in one host, in turn, at two magnitudes (motions: one), and judged on few mechanisms until
+    one catches it.
     """
     chosen = []
     for n, mutant in enumerate(mutants):
@@ -82,4 +83,5 @@ def short(mutants: Sequence[Mutant], hosts: Sequence[str]) -> tuple[list[Mutatio
             magnitudes = magnitudes[:1]
         if here:
             chosen.append(replace(mutant, hosts=(here[n % len(here)],), magnitudes=magnitudes))
-    return tasks_of(chosen, hosts, _SHORT_INSTANTS, MOTIONS), list(random_subjects(_SHORT_CORRECT))
+    tasks = tasks_of(chosen, hosts, _SHORT_INSTANTS, MOTIONS)
+    return [replace(task, until_caught=True) for task in tasks], list(random_subjects(_SHORT_CORRECT))
