@@ -33,6 +33,7 @@ from consilience.errors import ConsilienceError
 from consilience.mechanism import (
     Initial,
     characteristic_length,
+    closing_rows,
     constraint_jacobian,
     constraint_residual,
     drawing_state,
@@ -500,6 +501,65 @@ def test_the_outcome_has_everything_in_it(campaign):
     assert page.startswith("# Differential fuzzing\n\n8 mechanisms (")
     for f in findings:
         assert f"`consilience run {f.file} -e {f.entry.engine} -q {f.entry.question}`" in page
+
+
+# ------------------------------------------------------------------ contacts
+
+
+def test_mechanisms_with_contacts_are_cases_in_which_nothing_approaches():
+    """Closed contacts at the states of a case neither approach nor part, whatever was drawn; the file says the same."""
+    again = specimen(3, contacts=True)
+    assert again.text == specimen(3, contacts=True).text != specimen(3).text
+    touching = 0
+    for seed in range(1, 9):
+        case = specimen(seed, contacts=True).case
+        for state in case.states:
+            rows = closing_rows(case.mechanism, state)
+            rates = rows @ np.hstack([state.v_WB_W, state.w_WB_W]).ravel()
+            touching += len(rates)
+            assert np.max(np.abs(rates), initial=0.0) < 1e-10
+    assert touching > 8
+
+
+@pytest.fixture(scope="module")
+def contact_campaign(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("contacts")
+    with EnginePanel(["honest", "halved_friction"], 180.0) as panel:
+        found = run_campaign(panel, range(1, 7), contacts=True)
+        return found, shrink_disagreements(found, panel, folder, 20.0), folder
+
+
+def test_halved_friction_is_found_and_shrunk_to_one_contact(contact_campaign):
+    found, findings, folder = contact_campaign
+    assert {e.verdict for j in found.judged for e in j.entries if e.engine == "honest" and e.digits} == {Verdict.AGREES}
+    smallest = [f for f in findings if f.entry.engine == "halved_friction" and f.entry.verdict is Verdict.MODEL]
+    assert smallest
+    for f in smallest:
+        case = load_file(folder / f.file)[0]
+        assert len(case.mechanism.bodies) <= 2
+        assert len(case.mechanism.contacts) == 1
+        assert f"--seed {f.seed} --mechanisms 1 --contacts -e" in (folder / f.file).read_text(encoding="utf-8")
+
+
+def test_a_reference_that_finds_the_laws_open_is_unresolved_and_judges_nobody(case, honest):
+    reason = "NumericalFailure: contact at t = 0 s: the laws of contact and friction allow several accelerations"
+    open_ = MethodAnswer(INSTANT, Method("i", Route.REFERENCE), None, reason)
+    entries = judge(case, {"reference": AnswerBatch((open_,)), "e": AnswerBatch((honest[INSTANT],))})
+    assert [(e.engine, e.verdict) for e in entries] == [("reference", Verdict.UNRESOLVED), ("e", Verdict.UNRESOLVED)]
+    failed = replace(open_, reason="NumericalFailure: the mass matrix is singular")
+    assert judge(case, {"reference": AnswerBatch((failed,))})[0].verdict is Verdict.FAILED
+
+
+def test_a_contact_solver_that_is_inexact_is_no_alarm_and_one_that_is_wrong_is():
+    """Stops go through the solver of contacts: 1e-8 off is no other model there, 1e-5 off is."""
+    touching = specimen(14, contacts=True).case
+    engine = ReferenceEngine()
+    method = engine.methods(touching.mechanism, INSTANT)[0]
+    right = MethodAnswer(INSTANT, method, engine.instant(touching.mechanism, touching.states, method))
+    for by, verdict in ((1e-8, Verdict.UNRESOLVED), (1e-5, Verdict.MODEL)):
+        own = off(replace(right, method=Method("i", Route.NATIVE)), by=by)
+        entries = judge(touching, {"reference": AnswerBatch((right,)), "e": AnswerBatch((own,))})
+        assert [e.verdict for e in entries if e.engine == "e"] == [verdict]
 
 
 def synthetic(case, *entries):

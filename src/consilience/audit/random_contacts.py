@@ -48,7 +48,7 @@ def random_contacts(seed: int) -> tuple[Mechanism, State]:
     bare = random_mechanism(seed, int(rng.integers(1, 5)), _RECIPE)
     at_rest, contacts, left = drawing_state(bare), list[Contact](), int(rng.integers(1, MOST_CONTACTS + 1))
     while left > 0:
-        contact, parts = _contact(bare, at_rest, f"contact {len(contacts)}", left, rng)
+        contact, parts = _contact(bare, at_rest, f"contact_{len(contacts)}", left, rng)
         contacts.append(contact)
         left -= parts
     stops, dry = _in_joints(bare, at_rest, rng)
@@ -140,9 +140,9 @@ def _in_joints(
         q = joint_spring_motion(mechanism, state, joint, coordinate)[0]
         if rng.random() < 0.25:
             restitution = float(rng.choice([0.0, 0.5]))
-            stops.append(Stop(f"stop {joint}", joint, coordinate, q - rng.uniform(0.0, 0.2), q + 0.3, restitution))
+            stops.append(Stop(f"stop_{joint}", joint, coordinate, q - rng.uniform(0.0, 0.2), q + 0.3, restitution))
         if rng.random() < 0.25:
-            dry.append(DryFriction(f"dry {joint}", joint, coordinate, float(rng.uniform(0.2, 3.0))))
+            dry.append(DryFriction(f"dry_{joint}", joint, coordinate, float(rng.uniform(0.2, 3.0))))
     return tuple(stops), tuple(dry)
 
 

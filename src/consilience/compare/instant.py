@@ -47,7 +47,8 @@ from consilience.mechanism import (
     applied_wrenches,
     centres_of_mass,
     characteristic_length,
-    determinate_reactions,
+    contact_pairs,
+    determinate_forces,
     worst_condition,
 )
 
@@ -106,8 +107,9 @@ class Instants:
         cancel, the velocity of the body has their rounding.
     bodies : int
     contact_pairs : ndarray, shape (n_p, n_c)
-        Signs with which the forces of the contacts add up to the force between each pair of bodies: single forces of
-        several contacts may be undetermined.
+        Signs with which the forces of the contacts add up to the force between each pair of bodies.
+    determined_pairs : ndarray of bool, shape (n_s, n_p, 3)
+        Components of these forces that equilibrium determines.
     answers : int
         Number of answers that rounding may put off by a bar: two where a formulation of the reference is compared with
         another, each of which is as far from the truth as its rounding allows.
@@ -125,6 +127,7 @@ class Instants:
     swings: float
     bodies: int
     contact_pairs: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    determined_pairs: NDArray[np.bool_] = field(default_factory=lambda: np.ones((0, 0, 3), dtype=bool))
     answers: int = 1
 
     @property
@@ -136,9 +139,10 @@ class Instants:
     def of(cls, mechanism: Mechanism, states: Sequence[State]) -> Instants:
         """Compute the properties of the states of a mechanism."""
         masses = np.array([b.mass for b in mechanism.bodies])
+        reactions, pairs = zip(*(determinate_forces(mechanism, s) for s in states), strict=True)
         return cls(
             np.array([worst_condition(mechanism, s) for s in states]),
-            np.array([determinate_reactions(mechanism, s) for s in states]),
+            np.array(reactions),
             sum(b.mass for b in mechanism.bodies),
             float(np.linalg.norm(mechanism.gravity)),
             characteristic_length(mechanism),
@@ -148,7 +152,8 @@ class Instants:
             max(float(np.sum(np.abs(masses * (centres_of_mass(mechanism, s)[0] @ mechanism.gravity)))) for s in states),
             max(_swings(mechanism, s, masses) for s in states),
             len(mechanism.bodies),
-            _contact_pairs(mechanism),
+            contact_pairs(mechanism.contacts),
+            np.array(pairs),
         )
 
     @property
@@ -188,13 +193,6 @@ def _swings(mechanism: Mechanism, state: State, masses: Array) -> float:
         return 0.0
     reach = np.min(np.linalg.norm(centres[:, None] - np.array(places), axis=2), axis=1)
     return 0.5 * float(np.sum(masses * np.linalg.norm(velocities, axis=1) * reach)) * _largest(state.w_WB_W)
-
-
-def _contact_pairs(mechanism: Mechanism) -> Array:
-    """Return the signs of the contacts in the force between each pair of bodies, shape (n_p, n_c)."""
-    ends = [(contact.body, contact.partner) for contact in mechanism.contacts]
-    pairs = dict.fromkeys((min(pair), max(pair)) for pair in ends)
-    return np.array([[(pair == end) - (pair == end[::-1]) for end in ends] for pair in pairs], dtype=float)
 
 
 def _driven(mechanism: Mechanism, state: State) -> float:
@@ -345,9 +343,10 @@ def _contact_forces(
     if answer.contact_force is None:
         yield Quantity("contact forces", 0.0, bar, 0, "this method gives none")
         return
-    found, expected = (instants.contact_pairs @ one for one in (answer.contact_force, reference.contact_force))
+    known, forces = instants.determined_pairs, (answer.contact_force, reference.contact_force)
+    found, expected = (np.where(known, instants.contact_pairs @ one, 0.0) for one in forces)
     _, difference, grown = _worst(found, expected, instants.inertial(reference), bar * instants.rounding)
-    yield Quantity("contact forces", difference, grown, expected.size)
+    yield Quantity("contact forces", difference, grown, int(np.sum(known)), _open_remark(known))
 
 
 def _worst(
@@ -381,8 +380,6 @@ def _accelerations(answer: InstantAnswer, reference: InstantAnswer, instants: In
 def _reactions(answer: InstantAnswer, reference: InstantAnswer, instants: Instants, bar: float) -> Quantity:
     """Compare the reaction components that equilibrium determines."""
     determined = instants.determined
-    open_ones = int(np.sum(~determined))
-    remark = f"{open_ones} values not determined by equilibrium and not compared" if open_ones else ""
     if answer.force_F is None or answer.torque_F is None:
         return Quantity("reactions", 0.0, bar, 0, "this method gives none")
 
@@ -395,4 +392,9 @@ def _reactions(answer: InstantAnswer, reference: InstantAnswer, instants: Instan
 
     found, expected = compared(answer.force_F, answer.torque_F), compared(reference.force_F, reference.torque_F)
     _, difference, grown = _worst(found, expected, instants.inertial(reference), bar * instants.rounding)
-    return Quantity("reactions", difference, grown, int(np.sum(determined)), remark)
+    return Quantity("reactions", difference, grown, int(np.sum(determined)), _open_remark(determined))
+
+
+def _open_remark(determined: NDArray[np.bool_]) -> str:
+    open_ones = int(np.sum(~determined))
+    return f"{open_ones} values not determined by equilibrium and not compared" if open_ones else ""

@@ -27,6 +27,7 @@ from consilience.mechanism.constraints import (
     scaled_jacobian,
     velocity_sizes,
 )
+from consilience.mechanism.contact_determinacy import contact_pairs, determinate_forces
 from consilience.mechanism.contact_geometry import (
     TOUCHING,
     NearestPoints,
@@ -199,12 +200,14 @@ __all__ = [
     "constraint_rates",
     "constraint_residual",
     "contact_gap",
+    "contact_pairs",
     "contact_parts",
     "contact_tangents",
     "continuous_in_time",
     "coordinates",
     "count_turns",
     "cross",
+    "determinate_forces",
     "determinate_reactions",
     "displaced_states",
     "drawing_state",

@@ -119,11 +119,11 @@ def closing_rows(mechanism: Mechanism, state: State) -> Array:
         q, _ = joint_spring_motion(mechanism, state, stop.joint, stop.coordinate)
         room = slack if stop.coordinate == "distance" else TOUCHING
         if any(limit is not None and abs(q - limit) <= room for limit in (stop.lower, stop.upper)):
-            rows.append(_coordinate_row(mechanism, state, stop.joint, stop.coordinate))
+            rows.append(coordinate_row(mechanism, state, stop.joint, stop.coordinate))
     return np.array(rows).reshape(-1, 6 * len(mechanism.bodies))
 
 
-def _coordinate_row(mechanism: Mechanism, state: State, joint: str, coordinate: str) -> Array:
+def coordinate_row(mechanism: Mechanism, state: State, joint: str, coordinate: str) -> Array:
     """Return the row of the rate of a joint coordinate: that rate for each unit velocity."""
     count, row = len(mechanism.bodies), []
     for unit in np.eye(6 * count):

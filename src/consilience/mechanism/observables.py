@@ -27,7 +27,7 @@ from consilience.mechanism.model import GROUND, Joint, Mechanism, State
 from consilience.mechanism.spatial import Array, crosses, skew
 from consilience.mechanism.units import characteristic_length
 
-_DETERMINED_TOLERANCE = 1e-6
+DETERMINED_TOLERANCE = 1e-6
 """Largest reaction, in the null space of ``Q^T``, of a component that counts as determined: far above the rounding of a
 null space (1e-14 over the gap of the rank), far below 1, the size of a component that the null space reaches."""
 
@@ -198,5 +198,5 @@ def determinate_reactions(mechanism: Mechanism, state: State) -> NDArray[np.bool
         rows = slice(start, start + len(joint.rows))
         start = rows.stop
         free_reactions = arm * np.linalg.norm(reaction_map(mechanism, state, joint) @ free[rows], axis=1)
-        determined.append(free_reactions < _DETERMINED_TOLERANCE)
+        determined.append(free_reactions < DETERMINED_TOLERANCE)
     return np.array(determined)

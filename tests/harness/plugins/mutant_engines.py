@@ -136,3 +136,7 @@ reaction_sign_of_one = partial(MutantEngine, instant=_other_sign_of_one)
 reaction_axes = partial(MutantEngine, instant=_in_world_axes)
 reaction_point = partial(MutantEngine, instant=_about_the_centre_of_mass)
 acceleration_point = partial(MutantEngine, instant=_at_the_centre_of_mass)
+halved_friction = partial(
+    MutantEngine,
+    mechanism=lambda m: replace(m, contacts=tuple(replace(c, friction=0.5 * c.friction) for c in m.contacts)),
+)

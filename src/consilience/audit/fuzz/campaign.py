@@ -124,7 +124,7 @@ class EnginePanel:
 
 
 def run_campaign(
-    panel: EnginePanel, seeds: Sequence[int], progress: Callable[[int], None] | None = None
+    panel: EnginePanel, seeds: Sequence[int], progress: Callable[[int], None] | None = None, contacts: bool = False
 ) -> FuzzCampaign:
     """Ask the panel about the mechanisms of the seeds, and judge the answers.
 
@@ -134,6 +134,8 @@ def run_campaign(
     seeds : sequence of int
     progress : callable, optional
         Called with the number of mechanisms judged.
+    contacts : bool
+        Draw mechanisms with contacts.
 
     Raises
     ------
@@ -152,7 +154,7 @@ def run_campaign(
         if progress is not None:
             progress(len(campaign.judged))
 
-    for block in _blocks(seeds, campaign):
+    for block in _blocks(seeds, contacts, campaign):
         under_way.append((block, panel.submit([one.case for one in block])))
         if len(under_way) > BLOCKS_AHEAD:
             judge_first()
@@ -162,13 +164,13 @@ def run_campaign(
     return campaign
 
 
-def _blocks(seeds: Sequence[int], campaign: FuzzCampaign) -> Iterator[list[Specimen]]:
+def _blocks(seeds: Sequence[int], contacts: bool, campaign: FuzzCampaign) -> Iterator[list[Specimen]]:
     """Draw mechanisms with their states, a block at a time."""
     for first in range(0, len(seeds), BLOCK):
         start, drawn = time.process_time(), []
         for seed in seeds[first : first + BLOCK]:
             try:
-                one = specimen(seed)
+                one = specimen(seed, contacts)
                 _ = one.case.states
                 drawn.append(one)
             except ConsilienceError as error:
@@ -189,7 +191,11 @@ def _judge_block(panel: EnginePanel, campaign: FuzzCampaign, block: list[Specime
 
 
 def run_on_cluster(
-    cluster: Cluster, engines: Engines, seeds: Sequence[int], progress: Callable[[int], None] | None = None
+    cluster: Cluster,
+    engines: Engines,
+    seeds: Sequence[int],
+    progress: Callable[[int], None] | None = None,
+    contacts: bool = False,
 ) -> FuzzCampaign:
     """Draw, ask and judge on a cluster, with the same results as `run_campaign`.
 
@@ -200,7 +206,8 @@ def run_on_cluster(
     """
     whole = FuzzCampaign()
     start = time.perf_counter()
-    for part in cluster.each(_shard, [seeds[n : n + SHARD] for n in range(0, len(seeds), SHARD)], engines):
+    shards = [seeds[n : n + SHARD] for n in range(0, len(seeds), SHARD)]
+    for part in cluster.each(_shard, shards, engines, contacts):
         if not whole.engines:
             whole.engines, whole.missing = part.engines, part.missing
             whole.spent.engines = dict.fromkeys(part.engines, 0.0)
@@ -218,10 +225,12 @@ def run_on_cluster(
     return whole
 
 
-def _shard(name: str, seeds: Sequence[int], engines: Engines) -> FuzzCampaign:
+def _shard(name: str, seeds: Sequence[int], engines: Engines, contacts: bool) -> FuzzCampaign:
     """Run a part of a campaign on a Dask worker."""
     from consilience.suite.cluster import pool  # noqa: PLC0415 - an extra: only a cluster needs it
 
     return pool(name).use(
-        engines, lambda: EnginePanel(engines.names, engines.limit).__enter__(), lambda panel: run_campaign(panel, seeds)
+        engines,
+        lambda: EnginePanel(engines.names, engines.limit).__enter__(),
+        lambda panel: run_campaign(panel, seeds, contacts=contacts),
     )

@@ -130,10 +130,11 @@ def _shrunk(
     name = _file_name(seed, entry)
     table = without_rest(tomllib.loads(text))
     table |= {"title": f"Smallest case found of: {shown.engine}, {shown.question}, {shown.verdict}"}
+    again = replay(seed, judged.specimen.sort)
     heading = (
         f"{shown.engine}, {shown.method or 'any method'}, against {shown.against}: {shown.why}\n\n"
         f"    consilience run {name} -e {shown.engine} -q {shown.question}\n\n"
-        f"Shrunk from a random mechanism of {met} bodies:\n\n    {replay(seed)} -e {shown.engine}\n"
+        f"Shrunk from a random mechanism of {met} bodies:\n\n    {again} -e {shown.engine}\n"
     )
     folder.mkdir(parents=True, exist_ok=True)
     (folder / name).write_text(table_text(table, heading), encoding="utf-8")
@@ -165,7 +166,8 @@ def _is_loaded(reference: AnswerBatch) -> bool:
     instants = [one.answer for one in reference.answers if isinstance(one.answer, InstantAnswer)]
     return not instants or any(
         float(np.max(np.abs(values), initial=0.0)) > NEGLIGIBLE
-        for values in (instants[0].a_WB_W, instants[0].alpha_WB_W, instants[0].force_F, instants[0].torque_F)
+        for name in ("a_WB_W", "alpha_WB_W", "force_F", "torque_F", "contact_force")
+        for values in [getattr(instants[0], name)]
         if values is not None
     )
 

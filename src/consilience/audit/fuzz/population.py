@@ -9,14 +9,27 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from consilience.audit.random_contacts import random_contacts
 from consilience.audit.random_mechanisms import MOST_BODIES, Recipe, random_mechanism
 from consilience.case import Case
 from consilience.case.file.reader import cases_from_tables
 from consilience.case.file.writer import case_text
-from consilience.mechanism import JOINT_KINDS, Initial, Mechanism, drawing_state, free_directions
+from consilience.mechanism import (
+    JOINT_KINDS,
+    Cone,
+    DiscPlane,
+    Initial,
+    Mechanism,
+    State,
+    drawing_state,
+    free_directions,
+    initial_state,
+    random_states,
+)
 
 COMMON = tuple(kind for kind in JOINT_KINDS if kind != "screw")
 """Joint kinds with a chain of elementary joints, which every adapter translates."""
@@ -26,6 +39,9 @@ STATES = 2
 
 SPEED = 2.0
 """Standard deviation of the velocity components along the free directions, m/s and rad/s."""
+
+COMMON_LAWS = 0.8
+"""Share of mechanisms with contacts whose laws and shapes most adapters translate: circles of friction, no rebound."""
 
 Draw = Callable[[np.random.Generator], Mechanism]
 
@@ -88,6 +104,10 @@ SORTS: dict[str, Sort] = {
 """Sorts of mechanisms. All but "all elements" have springs, joint springs and constant loads as their only elements."""
 
 
+CONTACTS = "contacts"
+"""Sort of mechanisms with contacts, stops and dry friction, which a campaign draws alone."""
+
+
 @dataclass(frozen=True, eq=False)
 class Specimen:
     """A random mechanism as a case.
@@ -96,7 +116,7 @@ class Specimen:
     ----------
     seed : int
     sort : str
-        Key of `SORTS`.
+        Key of `SORTS`, or `CONTACTS`.
     case : Case
     text : str
         Text of the case file.
@@ -108,32 +128,38 @@ class Specimen:
     text: str
 
 
-def specimen(seed: int) -> Specimen:
-    """Draw the specimen of a seed."""
-    rng = np.random.default_rng([seed, 1])
-    sort = str(rng.choice(list(SORTS), p=[s.share for s in SORTS.values()]))
-    mechanism = replace(SORTS[sort].draw(rng), name=f"fuzz_{seed}")
-    drawn = Case(
+def specimen(seed: int, contacts: bool = False) -> Specimen:
+    """Draw the specimen of a seed, of `SORTS` or with contacts."""
+    rng, name = np.random.default_rng([seed, 1]), f"fuzz_{seed}"
+    if contacts:
+        drawn = random_contacts(seed)[0]
+        sort, mechanism = CONTACTS, replace(_common_laws(drawn) if rng.random() < COMMON_LAWS else drawn, name=name)
+        initial = _sliding(mechanism, seed)
+    else:
+        sort = str(rng.choice(list(SORTS), p=[s.share for s in SORTS.values()]))
+        mechanism = replace(SORTS[sort].draw(rng), name=name)
+        initial = in_motion(mechanism, rng)
+    case = Case(
         name=mechanism.name,
         file=f"{mechanism.name}.toml",
         title=f"Random mechanism {seed}, {sort}",
         mechanism=mechanism,
-        initial=in_motion(mechanism, rng),
+        initial=initial,
         duration=1.0,
         sample=0.05,
         digits=6,
         instants=STATES,
         seed=seed,
-        sources=(replay(seed),),
+        sources=(replay(seed, sort),),
         tags=(sort,),
     )
-    text = case_text(drawn)
-    return Specimen(seed, sort, read_text(text, drawn.name), text)
+    text = case_text(case)
+    return Specimen(seed, sort, read_text(text, name), text)
 
 
-def replay(seed: int) -> str:
+def replay(seed: int, sort: str) -> str:
     """Return the command that fuzzes the mechanism of a seed again."""
-    return f"consilience fuzz --seed {seed} --mechanisms 1"
+    return f"consilience fuzz --seed {seed} --mechanisms 1{' --contacts' if sort == CONTACTS else ''}"
 
 
 def in_motion(mechanism: Mechanism, rng: np.random.Generator) -> Initial:
@@ -142,6 +168,22 @@ def in_motion(mechanism: Mechanism, rng: np.random.Generator) -> Initial:
     # a projection is the same for every basis of the null space; which basis an SVD returns depends on the machine
     velocity = (free @ (free.T @ rng.normal(scale=SPEED, size=len(free)))).reshape(-1, 6)
     return Initial(velocities={b.name: (v[:3], v[3:]) for b, v in zip(mechanism.bodies, velocity, strict=True)})
+
+
+def _common_laws(mechanism: Mechanism) -> Mechanism:
+    """Give all contacts and stops common laws, and leave out discs unless there is nothing else."""
+    common: dict[str, Any] = {"restitution": 0.0, "cone": Cone(), "torsional": 0.0, "rolling": 0.0, "compliance": None}
+    kept = [c for c in mechanism.contacts if not isinstance(c, DiscPlane)] or mechanism.contacts
+    stops = tuple(replace(stop, restitution=0.0) for stop in mechanism.stops)
+    return replace(mechanism, contacts=tuple(replace(c, **common) for c in kept), stops=stops)
+
+
+def _sliding(mechanism: Mechanism, seed: int) -> Initial:
+    """Draw random velocities with which closed contacts neither approach nor part: an impact has no accelerations."""
+    start: State = initial_state(mechanism)
+    (state,) = random_states(mechanism, start, 1, seed, SPEED)
+    moving = zip(mechanism.bodies, state.v_WB_W, state.w_WB_W, strict=True)
+    return Initial(velocities={body.name: (v, w) for body, v, w in moving})
 
 
 def read_text(text: str, name: str) -> Case:

@@ -19,12 +19,14 @@ from typing import Any
 from consilience.case.file.values import TomlTable
 from consilience.mechanism import AXIS_COORDINATES, GROUND, Mechanism, spanning_tree
 
-ELEMENTS = ("spring", "joint_spring", "force", "torque", "friction", "control", "drive", "coupling", "rolling", "skate")
+_SMOOTH = ("spring", "joint_spring", "force", "torque", "friction", "control", "drive", "coupling", "rolling", "skate")
+ELEMENTS = (*_SMOOTH, "contact", "stop", "dry_friction")
 _SIDES = ("predecessor", "successor")
 _JOINTS = (("joint", "coordinate"), ("driver_joint", "driver_coordinate"))
 _FRAMELESS = ("spherical", "free", "rigid")
 _SIMPLE_KINDS = ("revolute", "prismatic", "spherical")
 _NUMBERS = ("stiffness", "damping", "free_length", "rest", "viscous", "coulomb", "speed", "proportional", "integral")
+_LAWS = ("cone", "compliance", "torsional", "rolling")
 _FUNCTIONS = ("actuator", "history", "target", "motion", "law")
 
 AS_IS = 3
@@ -66,7 +68,7 @@ def without(table: TomlTable, mechanism: Mechanism, gone: Sequence[Part]) -> Tom
     }
     for group in ("joint", *ELEMENTS):
         for entry in new.get(group, []):
-            for field in ("predecessor", "successor", "body"):
+            for field in ("predecessor", "successor", "body", "partner"):
                 while entry.get(field) in bodies:
                     entry[field] = heir[entry[field]]
     new["joint"] = [entry for entry in new["joint"] if entry["predecessor"] != entry["successor"]]
@@ -83,7 +85,7 @@ def tidy(table: TomlTable) -> TomlTable:
     def stands(entry: Mapping[str, Any]) -> bool:
         coordinates = [(entry[j], entry[c]) for j, c in _JOINTS if j in entry]
         known = all(c in AXIS_COORDINATES.get(kinds.get(j, ""), ()) for j, c in coordinates)
-        loose = "predecessor" in entry and entry["predecessor"] == entry["successor"]
+        loose = any(a in entry and entry[a] == entry[b] for a, b in (_SIDES, ("partner", "body")))
         return known and entry.get("body") != GROUND and not loose
 
     for group in ELEMENTS:
@@ -126,7 +128,10 @@ def knobs(table: TomlTable) -> list[Knob]:
     names = [b["name"] for b in table["body"]]
     found += [_guess(name) for name in names if name in table.get("initial", {}).get("bodies", {})]
     found += [_entry("body", n, change) for change in (_axes_of_body, _inertia, _com, _mass, _places) for n in bodies]
-    found += [_entry(group, n, _element) for group in ELEMENTS for n in range(len(table.get(group, [])))]
+    simplify = {"contact": _surface}
+    found += [
+        _entry(group, n, simplify.get(group, _element)) for group in ELEMENTS for n in range(len(table.get(group, [])))
+    ]
     return found
 
 
@@ -236,6 +241,15 @@ def _com(body: TomlTable, choice: int) -> None:
 
 def _mass(body: TomlTable, choice: int) -> None:
     body["mass"] = _number(body["mass"], choice)
+
+
+def _surface(contact: TomlTable, choice: int) -> None:
+    """Simplify the law of a contact: to none, to friction alone, to a coefficient of one digit; shapes must touch."""
+    contact["friction"] = 0.0 if choice == 0 else float(f"{contact['friction']:.0e}")
+    if choice < 2:
+        contact["restitution"] = 0.0
+        for name in _LAWS:
+            contact.pop(name, None)
 
 
 def _element(entry: TomlTable, choice: int) -> None:

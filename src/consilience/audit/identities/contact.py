@@ -37,7 +37,7 @@ from consilience.mechanism import (
 )
 
 CLOSED = 1e-9
-"""Largest gap of a closed contact in characteristic lengths; largest speed of what rests, over that of the state."""
+"""Largest gap of a closed contact in characteristic lengths; largest speed of what rests over that of the state."""
 
 
 def bars_of(route: Route) -> Bars:
@@ -113,10 +113,12 @@ def _contacts(subject: IdentitySubject) -> Iterator[tuple[str, ContactAtState, A
         raise NotApplicableError("there are no contacts")
     if forces is None:
         raise NotApplicableError("the method gives no forces of contacts")
+    gravity = float(np.linalg.norm(subject.mechanism.gravity))
     for n, (state, eq) in enumerate(zip(subject.states, subject.equations, strict=True)):
         for c, contact in enumerate(subject.mechanism.contacts):
             here = ContactAtState(subject.mechanism, state, contact)
-            yield f"state {n}, {contact.name}", here, forces[n, c], largest(eq.solution.terms) or 1.0, eq.speed
+            speed = max(eq.speed, float(np.sqrt(gravity * eq.length)))
+            yield f"state {n}, {contact.name}", here, forces[n, c], largest(eq.solution.terms) or 1.0, speed
 
 
 def no_pull(subject: IdentitySubject) -> Iterator[Residual]:

@@ -29,6 +29,9 @@ from consilience.compare import write_campaign
 def fuzz(
     mechanisms: Annotated[int, typer.Option("-n", "--mechanisms", min=1, help="How many.")] = 300,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the first; the next ones follow.")] = 1,
+    contacts: Annotated[
+        bool, typer.Option("--contacts", help="Draw mechanisms with contacts, stops and dry friction.")
+    ] = False,
     engine: EngineNames = None,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the outcome.")] = Path("consilience-fuzz"),
     limit: MessageLimit = 180.0,
@@ -51,9 +54,11 @@ def fuzz(
         def show(done: int) -> None:
             bar.update(task, completed=done, description="asking")
 
-        remote = None if cluster is None else run_on_cluster(cluster, cluster.engines(engines, limit), seeds, show)
+        remote = (
+            None if cluster is None else run_on_cluster(cluster, cluster.engines(engines, limit), seeds, show, contacts)
+        )
         with EnginePanel(engines, limit) as panel:
-            campaign = remote or run_campaign(panel, seeds, show)
+            campaign = remote or run_campaign(panel, seeds, show, contacts)
             found = shrink_disagreements(
                 campaign, panel, output, effort, lambda what: bar.update(task, description=f"shrinking: {escape(what)}")
             )

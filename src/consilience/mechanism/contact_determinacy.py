@@ -1,0 +1,140 @@
+"""Which reactions and contact forces equilibrium determines, where contacts are closed, stops reached, joints stuck.
+
+Forces are unique up to the null space of the transposed rows, as those of joints alone (`determinate_reactions`). A
+closed contact has a row for each direction in which its force is free: one where it slides on Coulomb's circle or has
+no friction, three elsewhere. Which contacts push, and bounds of friction, are not asked: a component that they alone
+determine counts as undetermined.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from consilience.mechanism.constraints import null_space, row_sizes, scaled_jacobian, velocity_sizes
+from consilience.mechanism.contact_geometry import TOUCHING, NearestPoints, coordinate_row, nearest_points
+from consilience.mechanism.contacts import Contact, ElementaryContact, contact_parts
+from consilience.mechanism.model import Mechanism, State
+from consilience.mechanism.observables import DETERMINED_TOLERANCE, joint_spring_motion, reaction_map
+from consilience.mechanism.spatial import Array, orthogonal_triad, skew
+from consilience.mechanism.stops import Stop
+from consilience.mechanism.units import characteristic_length
+
+RESTING = 1e-10
+"""Largest speed of what rests, over the largest of the state and that of a fall by the characteristic length."""
+
+
+def contact_pairs(contacts: Sequence[Contact]) -> Array:
+    """Return the signs of the contacts in the force between each pair of bodies, shape (n_p, n_c)."""
+    ends = [(contact.body, contact.partner) for contact in contacts]
+    pairs = dict.fromkeys((min(pair), max(pair)) for pair in ends)
+    return np.array([[(pair == end) - (pair == end[::-1]) for end in ends] for pair in pairs], dtype=float)
+
+
+def determinate_forces(mechanism: Mechanism, state: State) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Tell which components of joint reactions and of forces between pairs of bodies equilibrium determines.
+
+    Returns
+    -------
+    reactions : ndarray of bool, shape (n_j, 6)
+        Force, then torque, axes of F.
+    pairs : ndarray of bool, shape (n_p, 3)
+        In the order of `contact_pairs`, world axes.
+    """
+    length, sizes = characteristic_length(mechanism), velocity_sizes(mechanism)
+    blocks, directions = [scaled_jacobian(mechanism, state)], list[list[Array]]()
+    for contact in mechanism.contacts:
+        directions.append([])
+        for part in contact_parts(contact):
+            near = nearest_points(mechanism, state, part)
+            if near.gap <= TOUCHING * length:
+                rows = _point_rows(mechanism, state, part, near)
+                free = _free_forces(part, near, rows @ _velocity(state), _resting(mechanism, state))
+                blocks.append(free @ rows * sizes / length)
+                directions[-1].append(free)
+    blocks.append(_joint_efforts(mechanism, state) * sizes)
+    free = null_space(np.vstack(blocks).T)
+    return _reactions(mechanism, state, free, length), _pairs(mechanism, free[len(blocks[0]) :], directions)
+
+
+def _velocity(state: State) -> Array:
+    return np.hstack([state.v_WB_W, state.w_WB_W]).ravel()
+
+
+def _resting(mechanism: Mechanism, state: State) -> float:
+    """Return the largest rate of what rests: m/s, or rad/s times the characteristic length."""
+    length = characteristic_length(mechanism)
+    sizes = np.concatenate([state.v_WB_W, length * state.w_WB_W]).ravel()
+    falling = float(np.sqrt(np.linalg.norm(mechanism.gravity) * length))
+    return RESTING * max(float(np.max(np.abs(sizes), initial=0.0)), falling)
+
+
+def _point_rows(mechanism: Mechanism, state: State, part: ElementaryContact, near: NearestPoints) -> Array:
+    """Return the rows of the relative velocity of the material points in contact, shape (3, 6 n_b)."""
+    rows = np.zeros((3, 6 * len(mechanism.bodies)))
+    for body, point, sign in ((part.body, near.on_body, 1.0), (part.partner, near.on_partner, -1.0)):
+        i = mechanism.body_index[body]
+        if i >= 0:
+            rows[:, 6 * i : 6 * i + 6] = sign * np.hstack([np.eye(3), -skew(point - state.p_WB[i])])
+    return rows
+
+
+def _free_forces(part: ElementaryContact, near: NearestPoints, u: Array, resting: float) -> Array:
+    """Return the directions of the forces that a closed contact may have, shape (1, 3) or (3, 3)."""
+    slip = u - (u @ near.normal) * near.normal
+    rate = float(np.linalg.norm(slip))
+    if part.friction == 0.0:
+        return near.normal[None]
+    if part.cone.kind == "circle" and rate > resting:
+        return np.asarray(near.normal - part.friction * slip / rate)[None]
+    return np.array([near.normal, *orthogonal_triad(near.normal)[:2]])
+
+
+def _reached_stops(mechanism: Mechanism, state: State) -> list[Stop]:
+    """Return the stops of which a limit is reached at a state."""
+    found = []
+    for stop in mechanism.stops:
+        q, _ = joint_spring_motion(mechanism, state, stop.joint, stop.coordinate)
+        room = TOUCHING * (characteristic_length(mechanism) if stop.coordinate == "distance" else 1.0)
+        if any(limit is not None and abs(q - limit) <= room for limit in (stop.lower, stop.upper)):
+            found.append(stop)
+    return found
+
+
+def _joint_efforts(mechanism: Mechanism, state: State) -> Array:
+    """Return the rows of joint coordinates whose stop is reached or whose dry friction sticks, shape (n, 6 n_b)."""
+    length = characteristic_length(mechanism)
+    rows = [coordinate_row(mechanism, state, s.joint, s.coordinate) for s in _reached_stops(mechanism, state)]
+    for dry in mechanism.dry_frictions:
+        _, rate = joint_spring_motion(mechanism, state, dry.joint, dry.coordinate)
+        unit = 1.0 if dry.coordinate == "distance" else length
+        if abs(rate) * unit <= _resting(mechanism, state):
+            rows.append(coordinate_row(mechanism, state, dry.joint, dry.coordinate))
+    return np.array(rows).reshape(-1, 6 * len(mechanism.bodies))
+
+
+def _reactions(mechanism: Mechanism, state: State, free: Array, length: float) -> NDArray[np.bool_]:
+    sizes, arm, start, found = row_sizes(mechanism)[:, None], np.repeat([length, 1.0], 3), 0, []
+    multipliers = free[: len(sizes)] / sizes
+    for joint in mechanism.joints:
+        rows = slice(start, start + len(joint.rows))
+        start = rows.stop
+        found.append(arm * np.linalg.norm(reaction_map(mechanism, state, joint) @ multipliers[rows], axis=1))
+    return np.array(found).reshape(-1, 6) < DETERMINED_TOLERANCE
+
+
+def _pairs(mechanism: Mechanism, free: Array, directions: list[list[Array]]) -> NDArray[np.bool_]:
+    """Sum the free forces of the parts over contacts, and those over pairs."""
+    sums, start = [], 0
+    for parts in directions:
+        total = np.zeros((3, free.shape[1]))
+        for along in parts:
+            total += along.T @ free[start : start + len(along)]
+            start += len(along)
+        sums.append(total)
+    pairs = contact_pairs(mechanism.contacts)
+    if not len(pairs):
+        return np.ones((0, 3), dtype=bool)
+    return np.asarray(np.linalg.norm(np.einsum("pc,cik->pik", pairs, np.array(sums)), axis=2) < DETERMINED_TOLERANCE)
