@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from consilience.case import Case, load_cases, shipped_cases
+from consilience.case import Case, load_case, load_cases, shipped_cases
 from consilience.case.families import family_cases
 from consilience.errors import InvalidInput
 from consilience.mechanism import Initial, Rolling, Skate, body_point, centres_of_mass
@@ -242,3 +242,34 @@ def test_every_body_is_drawn_to_its_joints_and_its_centre_of_mass(name):
         joints = [mark.point for mark in figure.joints if mark.kind == "spherical"]
         assert np.allclose(plate[0], plate[-1])
         assert sorted(map(tuple, plate[:-1].round(6))) == sorted(map(tuple, np.round(joints, 6)))
+
+
+def test_contacts_say_what_they_do_at_the_start():
+    """Two boxes at rest; a ball 0.5 m above its floor; a block that slides at 3 m/s; shaken by hand: 1 m/s downward."""
+    assert "contact between at the start: closed, no slip" in described("pulled_boxes")
+    assert "contact floor at the start: apart by 0.5 m" in described("bounces_that_grip")
+    assert "contact floor at the start: closed, slides at 3 m/s" in described("skew_slide_circle")
+    hits = load_case("skew_slide_circle")
+    (floor,) = hits.mechanism.contacts
+    v, w = hits.initial_state.v_WB_W[0], hits.initial_state.w_WB_W[0]
+    falling = dataclasses.replace(hits, initial=Initial(velocities={"block": (v - floor.normal, w)}))
+    assert "closed, approaches at 1 m/s and slides at 3 m/s" in describe_case(falling)
+
+
+def test_a_plane_is_drawn_as_far_as_the_shape_above_it():
+    """The rim of a tilted disc reaches farther than the point that touches: every foot is within the square."""
+    case = load_case("eulers_disc")
+    m, start = case.mechanism, case.initial_state
+    (rim,) = m.contacts
+    drawn = figure_of(m, start).lines
+    (plane,), (circle,) = ([line.points for line in drawn if line.kind == kind] for kind in ("plane", "circle"))
+    feet = circle - np.outer((circle - plane[0]) @ rim.normal, rim.normal)
+    sides = np.diff(plane, axis=0)
+    for corner, side in zip(plane[:-1], sides, strict=True):
+        inward = np.cross(rim.normal, side)
+        inward *= np.sign(inward @ (plane[:-1].mean(axis=0) - corner))
+        assert np.min((feet - corner) @ inward) > 0.0
+
+
+def described(name):
+    return describe_case(load_case(name))

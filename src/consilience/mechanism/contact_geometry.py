@@ -88,6 +88,16 @@ def contact_gap(mechanism: Mechanism, state: State, contact: Contact) -> float:
     return min(nearest_points(mechanism, state, part).gap for part in contact_parts(contact))
 
 
+def contact_velocity(mechanism: Mechanism, state: State, contact: Contact, near: NearestPoints) -> Array:
+    """Return the velocity of the material point of the body relative to that of the partner, shape (3,), m/s."""
+    found = np.zeros(3)
+    for body, point, sign in ((contact.body, near.on_body, 1.0), (contact.partner, near.on_partner, -1.0)):
+        i = mechanism.body_index[body]
+        if i >= 0:
+            found += sign * (state.v_WB_W[i] + cross(state.w_WB_W[i], point - state.p_WB[i]))
+    return found
+
+
 def contact_tangents(mechanism: Mechanism, state: State, contact: ElementaryContact) -> tuple[Array, Array]:
     """Return the tangents t1 and ``t2 = n x t1`` of the cone of a contact at a state, each (3,), world axes."""
     R = _rotation(mechanism, state, contact.partner)

@@ -17,6 +17,7 @@ from consilience.mechanism import (
     Mechanism,
     SphereSphere,
     State,
+    body_point,
     characteristic_length,
     contact_parts,
     nearest_points,
@@ -63,6 +64,12 @@ def _shapes(contact: Contact) -> Iterator[Line]:
         yield from _sphere(contact.partner, contact.partner_center, contact.partner_radius)
 
 
+def _below(mechanism: Mechanism, state: State, contact: Contact, point: Array, normal: Array) -> list[Array]:
+    """Return the feet of the lines of a contact's shape on its plane, world axes."""
+    placed = [body_point(mechanism, state, body, x)[0] for body, _, points in _shapes(contact) for x in points]
+    return [x - normal @ (x - point) * normal for x in placed]
+
+
 def _planes(mechanism: Mechanism, state: State) -> Iterator[Line]:
     """Squares of all planes; contacts with one plane share its square."""
     shared: dict[tuple[object, ...], list[Array]] = {}
@@ -73,6 +80,7 @@ def _planes(mechanism: Mechanism, state: State) -> Iterator[Line]:
         p, R = (np.zeros(3), np.eye(3)) if contact.partner == GROUND else (state.p_WB[carrier], state.R_WB[carrier])
         plane = contact.partner, *np.round([*contact.normal, contact.normal @ contact.point], 9)
         feet = [nearest_points(mechanism, state, part).on_partner for part in contact_parts(contact)]
+        feet += _below(mechanism, state, contact, p + R @ contact.point, R @ contact.normal)
         shared.setdefault(plane, []).extend(R.T @ (foot - p) for foot in feet)
     for (partner, *normal, _), feet in shared.items():
         middle = np.mean(feet, axis=0)

@@ -11,6 +11,7 @@ from consilience.case import Case
 from consilience.compare import Verdict
 from consilience.compare.judge import REFERENCE
 from consilience.mechanism import (
+    TOUCHING,
     Contact,
     DryFriction,
     Joint,
@@ -20,8 +21,12 @@ from consilience.mechanism import (
     Spring,
     State,
     Stop,
+    characteristic_length,
     constraint_residual,
+    contact_parts,
+    contact_velocity,
     joint_coordinates,
+    nearest_points,
     relative_motion,
     shapes_in_words,
 )
@@ -96,6 +101,7 @@ def describe_case(case: Case) -> str:
         *_elements(mechanism),
         "",
         f"initial state: joints satisfied to {np.max(np.abs(constraint_residual(mechanism, state)), initial=0.0):.1g}",
+        *(_touch(mechanism, state, contact) for contact in mechanism.contacts),
         f"trajectory: {case.duration:g} s, sampled every {case.sample:g} s, {case.digits} digits asked",
         f"instants: the initial state and {case.instants - 1} random consistent ones",
         *(f"expected: {line}" for line in expected_lines(case)),
@@ -138,6 +144,21 @@ def _contact(c: Contact) -> str:
     if c.compliance is not None:
         words.append(f"stiffness {c.compliance.stiffness:g} N/m, damping {c.compliance.damping:g} N s/m")
     return ", ".join(words)
+
+
+def _touch(mechanism: Mechanism, start: State, c: Contact) -> str:
+    """Tell gap and slip of a contact at the start, of the part that is nearest."""
+    near, part = min(
+        ((nearest_points(mechanism, start, part), part) for part in contact_parts(c)), key=lambda both: both[0].gap
+    )
+    if near.gap > TOUCHING * characteristic_length(mechanism):
+        return f"contact {c.name} at the start: apart by {near.gap:.4g} m"
+    u = contact_velocity(mechanism, start, part, near)
+    closing, slip = float(near.normal @ u), float(np.linalg.norm(u - (near.normal @ u) * near.normal))
+    least = 1e-9 * float(np.max(np.abs(start.v_WB_W), initial=0.0))
+    told = [f"approaches at {-closing:.4g} m/s"] if closing < -least else []
+    told += [f"slides at {slip:.4g} m/s"] if slip > least else []
+    return f"contact {c.name} at the start: closed, {' and '.join(told) or 'no slip'}"
 
 
 def _stop(s: Stop) -> str:

@@ -22,7 +22,6 @@ from consilience.audit.identities.subject import IdentitySubject
 from consilience.compare.instant import BARS, CONTACT, EXACT_ROUTES, Bars
 from consilience.engine import Route
 from consilience.mechanism import (
-    GROUND,
     Array,
     Cone,
     Contact,
@@ -31,7 +30,7 @@ from consilience.mechanism import (
     State,
     contact_parts,
     contact_tangents,
-    cross,
+    contact_velocity,
     move,
     nearest_points,
 )
@@ -43,18 +42,6 @@ CLOSED = 1e-9
 def bars_of(route: Route) -> Bars:
     """Return the bars of accelerations and forces where contacts push."""
     return BARS.get(route, Bars()) if route in EXACT_ROUTES else CONTACT
-
-
-def relative_velocity(mechanism: Mechanism, state: State, contact: Contact, near: NearestPoints) -> Array:
-    """Return the velocity of the material point of the body relative to that of the partner, shape (3,), m/s."""
-
-    def velocity(body: str, point: Array) -> Array:
-        if body == GROUND:
-            return np.zeros(3)
-        i = mechanism.body_index[body]
-        return state.v_WB_W[i] + cross(state.w_WB_W[i], point - state.p_WB[i])
-
-    return velocity(contact.body, near.on_body) - velocity(contact.partner, near.on_partner)
 
 
 def gauge(cone: Cone, components: Array) -> Array:
@@ -83,7 +70,7 @@ class ContactAtState:
     @cached_property
     def velocities(self) -> Array:
         """Relative velocity of each part, shape (parts, 3), m/s."""
-        return np.array([relative_velocity(self.mechanism, self.state, self.contact, near) for near in self.near])
+        return np.array([contact_velocity(self.mechanism, self.state, self.contact, near) for near in self.near])
 
     @property
     def normal(self) -> Array:
