@@ -8,7 +8,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from matplotlib.image import imread
 
 from consilience.case import Case, load_case, load_cases, shipped_cases
 from consilience.case.families import family_cases
@@ -162,6 +161,8 @@ def test_the_view_is_the_widest_and_upright(name):
 def test_a_png_is_the_picture_at_twice_its_size_with_its_words():
     case = load_cases("four_bar")[0]
     svg = picture(case.mechanism, case.initial_state, "")
+    from matplotlib.image import imread
+
     image = imread(BytesIO(as_png(svg)), format="png")
     assert image.shape[:2] == tuple(2 * round(float(ET.fromstring(svg).get(side))) for side in ("height", "width"))
     words = image[120:420, 1860:, :3]  # the column of names, which has words alone

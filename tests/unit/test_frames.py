@@ -1,10 +1,7 @@
 """Data frames of motions and reports: values, labels and units in pandas, polars and xarray."""
 
 import numpy as np
-import pandas as pd
-import polars as pl
 import pytest
-import xarray as xr
 
 from consilience.engine import EngineInfo, Method, Question, Route, Run, Status, TrajectoryAnswer
 from consilience.errors import InvalidInput
@@ -116,6 +113,10 @@ def test_a_library_that_is_not_there_is_named_with_the_remedy(monkeypatch):
 
 
 def test_frames_are_those_of_the_libraries():
+    import pandas as pd
+    import polars as pl
+    import xarray as xr
+
     assert isinstance(dataframes.to_pandas(MECHANISM, ANSWER), pd.DataFrame)
     assert isinstance(dataframes.to_polars(MECHANISM, ANSWER), pl.DataFrame)
     assert isinstance(dataframes.to_xarray(MECHANISM, ANSWER), xr.Dataset)

@@ -5,9 +5,6 @@ from itertools import pairwise
 from xml.etree import ElementTree as ET
 
 import pytest
-from matplotlib import rc_context
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
 from consilience.compare import Verdict
 from consilience.errors import InvalidInput
@@ -53,6 +50,10 @@ def test_lines_of_a_plot_hold_the_numbers_of_the_record(moving):
 
 @pytest.mark.parametrize("most", [0.3, 4.2, 40.0])
 def test_numbers_along_a_short_axis_do_not_run_into_one_another(most):
+    from matplotlib import rc_context
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
     with rc_context(plot.SETTINGS):
         figure = Figure(figsize=(plot.WIDTH, plot.HEIGHT))
         axes = FigureCanvasAgg(figure).figure.subplots()

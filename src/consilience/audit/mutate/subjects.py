@@ -50,8 +50,8 @@ CONTACT_CASES = (
 )
 """Shipped cases with contacts or stops that mutants of contacts are judged on at states."""
 
-CONTACT_MOTIONS = ("bouncing_sphere", "wheel_caught_by_stop", "ball_slips", "ball_across_incline")
-"""The same for motions: an impact, a stop, a slip that ends, and a slip that turns."""
+CONTACT_MOTIONS = ("wheel_caught_by_stop", "bouncing_sphere", "ball_across_incline", "ball_slips")
+"""The same for motions: a stop, an impact, a slip that turns, and a slip that ends."""
 
 CONTACT_SPAN = 0.8
 """Longest duration of a trajectory with contacts, s: at the sampling interval of the case."""
