@@ -25,7 +25,7 @@ STEP, DRIVEN = 1e-3, 1.25e-4
 by rounding and by overlaps."""
 
 TURN, FRICTION = 1e-2, 30.0
-"""Part by which friction may change a slip in a step, at this acceleration by friction in m/s^2."""
+"""Part by which friction may change a slip in a step, at this acceleration in m/s^2 or a larger one of a first step."""
 
 UNTURNED = 1e-6
 """Largest acceleration of a closed gap at constant rates of the coordinates, in m/s^2."""
@@ -106,7 +106,10 @@ def settle(stepping: Stepper, c: Coordinates, state: State) -> Array:
     touching.iterate(MOST_ITERATIONS, FINE)
     _refuse_turning(stepping, c)
     stepping.restart(c, 0.0, STEP)
-    h = min(DRIVEN if touching.mechanism.drives else STEP, TURN * _slowest(stepping.model, touching, state) / FRICTION)
+    slowest = _slowest(stepping.model, touching, state)
+    stepping.step(1)
+    longest = DRIVEN if touching.mechanism.drives else STEP
+    h = min(longest, TURN * slowest / max(FRICTION, touching.slip_rate))
     quotients, forces = [], []
     for part in (1, 2, 4):
         stepping.restart(c, 0.0, h / part)

@@ -107,6 +107,8 @@ class Touching:
     modes : ndarray, shape (n_c,)
         In the last step: 0 separated, 1 sliding, 2 sticking.
     loss : float, J
+    slip_rate : float, m/s^2
+        Largest rate of a slip in a step.
 
     Parameters
     ----------
@@ -159,7 +161,7 @@ class Touching:
         """Set all sums to zero."""
         self.impulse, self.forces = np.zeros((2, self._count, 3))
         self.modes = np.full(self._count, SEPARATED)
-        self.loss = 0.0
+        self.loss = self.slip_rate = 0.0
         self.note()
 
     def note(self) -> None:
@@ -184,6 +186,7 @@ class Touching:
                 continue
             before, after = self.slip(n, point, self._before[n]), self.slip(n, point)
             self.forces[n] += force
+            self.slip_rate = max(self.slip_rate, float(np.linalg.norm(after - before)) / step)
             self.loss -= step * float(force @ (before + after)) / 2.0
             slides = float(np.linalg.norm(after - normal * (normal @ after))) > AT_REST
             if slides or self.modes[n] == SEPARATED:

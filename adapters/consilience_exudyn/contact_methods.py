@@ -9,7 +9,7 @@ from consilience.mechanism import Mechanism
 from consilience_exudyn.contact_motion import BOUNCE, DAMPING, LINEAR, OVERDAMPED, RIGID
 from consilience_exudyn.library import CONTACT_SETTINGS
 
-STEPS, BOUNCING_STEPS, EXTRAPOLATED_STEPS = (50, 100, 200), (500, 1000, 2000), (5, 10, 20)
+STEPS, BOUNCING_STEPS, EXTRAPOLATED_STEPS = (50, 100, 200), (500, 1000, 2000), (10, 20, 40)
 HALVINGS = 4
 """Number of motions of an extrapolated one, each with half the step of the one before; its order."""
 

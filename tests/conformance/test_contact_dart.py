@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from consilience.case import load_case
 from consilience.engine import CannotRepresent, Profile, Question, Route
 from consilience.errors import InvalidInput
 from consilience.mechanism import (
@@ -25,6 +26,7 @@ from consilience.mechanism import (
     relative_motion,
     sine,
 )
+from consilience.reference.engine import ReferenceEngine
 from consilience_dart import DartEngine
 from consilience_dart.export import export_model
 from contact_problems import LEVEL, G, Lab, incline, pendulum, turned
@@ -192,6 +194,14 @@ def test_instants_slide_and_roll():
         at = instant(mechanism, state)
         np.testing.assert_allclose(LAB.acceleration(at, state)[0], expected, atol=1e-6)
         np.testing.assert_allclose(LAB.axes.T @ at.contact_force[0, 0], force, atol=2e-6)
+
+
+def test_an_instant_of_a_wheel_whose_slip_changes_fast():
+    """Friction turns the rim of `braked_wheel` by 100 m/s^2 and more: a step must not change the slip by much."""
+    case = load_case("braked_wheel")
+    mechanism, state, reference = case.mechanism, case.states[2], ReferenceEngine()
+    truth = reference.instant(mechanism, [state], reference.methods(mechanism, Question.INSTANT)[0])
+    np.testing.assert_allclose(instant(mechanism, state).alpha_WB_W, truth.alpha_WB_W, atol=1e-4)
 
 
 def test_an_instant_of_a_turning_tip_is_refused_and_one_at_rest_is_not():
