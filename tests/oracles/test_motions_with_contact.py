@@ -5,6 +5,8 @@ have the axes x, y in the plane of contact and z along its normal. Times and pla
 where the docstring says so, from quadratures of one variable to more digits than are printed.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -17,6 +19,7 @@ from consilience.errors import NumericalFailure
 from consilience.mechanism import (
     GROUND,
     Body,
+    CapsulePlane,
     Cone,
     DryFriction,
     Frame,
@@ -33,7 +36,7 @@ from consilience.mechanism import (
     quaternion_from_rotation,
     rotation_from_quaternion,
 )
-from consilience.reference.contact import contact_instant, simulate_with_contacts
+from consilience.reference.contact import contact_instant, simulate_with_contacts, solve_impact
 from mechanisms import rotation
 
 TURN = rotation(np.random.default_rng(35))
@@ -482,3 +485,41 @@ def test_a_rebound_below_rounding_passes():
     answer, _ = simulate_with_contacts(case.mechanism, case.initial_state, case.times)
     energy = np.sum(energies_over_time(case.mechanism, answer, range(len(case.times))), axis=0)
     assert np.all(np.diff(energy) <= 1e-9 * abs(energy[0]))
+
+
+def test_a_ball_that_hits_a_stack_leaves_impulses_that_obey_every_law():
+    """Nine contacts act at once; Newton's law, the cones and the ball's momentum bound what the search may return."""
+    lower, upper = (body(name, 1.0, [0.007, 0.007, 0.007]) for name in ("lower", "upper"))
+    ball_ = body("ball", 2.0, [0.008] * 3)
+    at = [[0.1 * i, 0.1 * j, -0.1] for i in (-1, 1) for j in (-1, 1)]
+    feet = [PointPlane(f"f{k}", "lower", OFF + p, GROUND, ZERO, TURN @ Z, friction=0.5) for k, p in enumerate(at)]
+    top = [PointPlane(f"t{k}", "upper", OFF + p, "lower", OFF + 0.1 * Z, Z, friction=0.5) for k, p in enumerate(at)]
+    hit = SpherePlane("hit", "ball", OFF, 0.1, "upper", OFF - 0.1 * X, -X, restitution=0.2, friction=0.2)
+    mechanism = floating([lower, upper, ball_], [*feet, *top, hit])
+    start = state([[0, 0, 0.1], [0, 0, 0.3], [-0.2, 0.05, 0.25]], v=[[0, 0, 0], [0, 0, 0], [3, 0, -1.6]])
+    found = solve_impact(mechanism, start, mechanism.contacts)
+    before, after = (np.sum(found.directions * v, axis=1) for v in (found.velocity_before, found.velocity_after))
+    restitution, mu = np.array([0.0] * 8 + [0.2]), np.array([0.5] * 8 + [0.2])
+    rebound = after + restitution * np.minimum(before, 0.0)
+    assert np.all(found.normal >= 0.0)
+    assert np.all(rebound >= -1e-12)
+    assert np.max(np.abs(found.normal * rebound)) < 1e-12
+    assert np.all(np.linalg.norm(found.tangential, axis=1) <= mu * found.normal + 1e-12)
+    momenta = [2.0 * (s.v_WB_W[2] + np.cross(s.w_WB_W[2], s.R_WB[2] @ OFF)) for s in (found.before, found.after)]
+    assert momenta[1] - momenta[0] == pytest.approx(
+        found.normal[8] * found.directions[8] + found.tangential[8], abs=1e-12
+    )
+
+
+def test_two_ends_of_a_capsule_come_to_rest_by_turns():
+    """The impact of one end moves the other, whose gap is below what counts as closed: it rises, and falls back."""
+    mechanism = floating([body("b", 1.0, [0.03, 0.03, 0.004])], [])
+    R = rotation_from_quaternion(np.array([0.9, 0.2, 0.3, 0.1]) / np.sqrt(0.95))
+    ends = (R.T @ [-0.1, 0.0, -0.05], R.T @ [0.1, 0.1, 0.1])
+    at = {"start": OFF + ends[0], "end": OFF + ends[1], "radius": 0.05}
+    plane = {"partner": GROUND, "point": ZERO, "normal": TURN @ Z}
+    capsule = CapsulePlane("cap", "b", **at, **plane, restitution=0.4, friction=0.3)
+    start = state([[0.0, 0.0, 0.5]], v=[[1.0, 0.0, 0.0]], w=[[0.0, 4.0, 6.0]], R=[R])
+    answer, _ = simulate_with_contacts(replace(mechanism, contacts=(capsule,)), start, np.array([0.0, 1.0]))
+    assert answer.contact_gap[1, 0] == pytest.approx(0.0, abs=STATE)
+    assert np.all(answer.state(1).R_WB[0].T @ TURN @ Z @ (ends[1] - ends[0]) == pytest.approx(0.0, abs=STATE))

@@ -149,7 +149,7 @@ class _Column:
             if value[k + 1] < 0.0 and armed and (value[k] > 0.0 or top > nodes[k]):
                 return self._root(top, nodes[k + 1]), True
             if value[k + 1] < -ready:  # a mode that has just begun does not last
-                return self._root(nodes[k], nodes[k + 1], -ready), True
+                return self._root(self._highest(k), nodes[k + 1], -ready), True
         return None, armed or bool(value[-1] > ready)
 
     def _turning(self, k: int) -> float:

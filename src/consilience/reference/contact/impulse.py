@@ -14,11 +14,13 @@ Friction with a constant bound has no impulse.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from consilience.errors import InvalidInput
+from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Array
 from consilience.reference.contact.decision import decide
 from consilience.reference.contact.groups import groups
@@ -119,9 +121,15 @@ def _newton(problem: ContactProblem, restitution: Array, at_rest: float, time: f
         free_compliance=float(np.max(problem.row_scale())) ** 2,
         at_rest=at_rest,
     )
-    modes, p, _ = solve_modes(law, time)
+    modes, p, _ = solve_modes(law, time, _modes_by_moreau(problem, restitution))
     impulse = place.T @ p.ravel()
     return ImpulseSolution(impulse, problem.acceleration(impulse), modes, None)
+
+
+def _modes_by_moreau(problem: ContactProblem, restitution: Array) -> Iterator[tuple[str, ...]]:
+    """Yield the modes under Moreau's law, if it has a solution: the two differ where slip turns or reverses."""
+    with suppress(NumericalFailure):
+        yield _moreau(problem, restitution).modes
 
 
 def _moreau(problem: ContactProblem, restitution: Array) -> ImpulseSolution:

@@ -10,7 +10,7 @@ Violated modes are exchanged one at a time; if a combination recurs, all combina
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import product
 
@@ -29,6 +29,10 @@ _SLACK = 1e-9
 
 _MOST = 5
 """Largest number of contacts for which all combinations of modes are tried (at most 5 modes each)."""
+
+
+MOREAU = "; Moreau's law has a solution: give impact_law = 'moreau' if you mean it"
+"""What a guess by that law shows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,8 +214,18 @@ def _exchanges(trial: _ModeTrial, modes: tuple[str, ...], solved: _Solved) -> It
                     yield k, {"first": first, "beyond": beyond}.get(following, following)
 
 
-def solve_modes(law: ClosedContacts, time: float) -> tuple[tuple[str, ...], Array, Array]:
+def solve_modes(
+    law: ClosedContacts, time: float, guesses: Iterable[tuple[str, ...]] = ()
+) -> tuple[tuple[str, ...], Array, Array]:
     """Find admissible modes of closed contacts.
+
+    Parameters
+    ----------
+    law : ClosedContacts
+    time : float, s
+        For messages.
+    guesses : iterable of tuple of str
+        Modes to begin with, where the preferred ones lead nowhere.
 
     Returns
     -------
@@ -229,13 +243,22 @@ def solve_modes(law: ClosedContacts, time: float) -> tuple[tuple[str, ...], Arra
     if not law.names:
         return (), np.zeros((0, 3)), np.zeros((0, 3))
     trial = _ModeTrial(law)
-    for search in (_by_exchange, _by_enumeration):
-        found = search(trial)
+    preferred = tuple(trial.choices(k)[0] for k in range(len(law.names)))
+    found = _by_exchange(trial, preferred) or _by_enumeration(trial)
+    if found is not None:
+        return found
+    guess = None
+    for guess in guesses:
+        found = _by_exchange(
+            trial,
+            tuple("starting" if m == "sliding" and not s else m for m, s in zip(guess, trial.slides, strict=True)),
+        )
         if found is not None:
             return found
     raise NumericalFailure(
         f"impact at t = {time:.12g} s: no combination of sliding, sticking and released contacts is admissible "
         f"for {', '.join(law.names)}: the bodies are wedged, or restitution asks for what the joints forbid"
+        f"{MOREAU if guess else ''}"
     )
 
 
@@ -250,9 +273,8 @@ def _loosened(trial: _ModeTrial, modes: tuple[str, ...], solved: _Solved) -> tup
     return max(held, key=lambda k: float(law.normal[k] @ solved.after[k]) - law.target[k]), "released"
 
 
-def _by_exchange(trial: _ModeTrial) -> tuple[tuple[str, ...], Array, Array] | None:
+def _by_exchange(trial: _ModeTrial, modes: tuple[str, ...]) -> tuple[tuple[str, ...], Array, Array] | None:
     """Exchange violated modes until none is left; None if a combination recurs."""
-    modes = tuple(trial.choices(k)[0] for k in range(len(trial.law.names)))
     seen: set[tuple[str, ...]] = set()
     while modes not in seen:
         seen.add(modes)
