@@ -122,21 +122,20 @@ def compile_apart() -> None:
     subprocess.run([sys.executable, str(Path(__file__))], env=environment, check=False)
 
 
-def copy_kernels(other: Path) -> int:
-    """Copy the compiled kernels of another package folder with the same sources; return the number of files.
+def numba_folder(room: Path) -> str:
+    """Name that Numba gives to the cache of a folder of sources: the folder's own, and a digest of its path."""
+    return f"{room.name}_{hashlib.sha1(str(room).encode()).hexdigest()}"
 
-    Numba names a folder of its cache after the room of the sources and a digest of the room's path.
-    """
-    import consilience
-    from consilience.reference.kernel import cache
 
-    package = Path(consilience.__file__).parent
-    if cache.digest(other) != cache.digest(package):
-        return 0
-    files = list((other / cache.kernels_folder().relative_to(package)).glob("*/*.nb[ic]"))
+def copy_kernels(other: Path, package: Path) -> int:
+    """Copy the compiled kernels of another package folder with the same sources; return the number of files."""
+    from consilience.reference.kernel.cache import digest
+
+    kernels = Path("reference") / "kernel" / "__pycache__" / f"kernels-{digest(package)}"
+    files = list((other / kernels).glob("*/*.nb[ic]"))
     for file in files:
         room = package / "reference" / file.parent.name.rpartition("_")[0]
-        here = cache.kernels_folder() / f"{room.name}_{hashlib.sha1(str(room).encode()).hexdigest()}"
+        here = package / kernels / numba_folder(room)
         here.mkdir(parents=True, exist_ok=True)
         shutil.copy(file, here)
     return len(files)
@@ -149,4 +148,6 @@ if __name__ == "__main__":
     if other is None:
         compile_all()
     else:
-        print(f"{copy_kernels(other)} files of kernels copied")
+        import consilience
+
+        print(f"{copy_kernels(other, Path(consilience.__file__).parent)} files of kernels copied")

@@ -211,6 +211,15 @@ def test_a_smaller_error_is_caught_on_no_more_mechanisms():
     assert 0.0 < counts[2].largest_missed < 1.0 or counts[2].unchanged == 4
 
 
+def test_a_short_task_ends_with_the_first_mechanism_that_catches_the_mutant():
+    task = MutationTask("gravity too large", NAME, 1e-2, ("double_pendulum", *random_subjects(2)))
+    for until_caught, judged in ((False, 3), (True, 1)):
+        found = perform(replace(task, until_caught=until_caught))
+        assert (found.judged, found.caught) == (judged, judged)
+    missed = perform(replace(task, mutant="other sign", magnitude=1.0, until_caught=True))
+    assert (missed.judged, missed.caught) == (3, 0)
+
+
 class Pool:
     """Pool of workers that ends each job as given: with an exception, or with a value."""
 

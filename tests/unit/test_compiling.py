@@ -18,6 +18,7 @@ from consilience.engine.worker.requests import perform
 from consilience.reference.kernel.cache import SOURCES, digest, kernels_folder
 from consilience.reference.steppers.driver import integrate
 from consilience.suite import suite, warm_up
+from kernels import copy_kernels, numba_folder
 
 SOURCE = Path(suite.__file__).parents[1]
 
@@ -53,6 +54,24 @@ def test_the_library_announces_compilation_once(tmp_path):
     assert str(tmp_path) in line
     (tmp_path / f"kernels-{digest(SOURCE)}" / "kernel.nbi").touch()
     assert said() == ""
+
+
+def test_copied_kernels_lie_where_numba_looks_for_them(tmp_path):
+    room = SOURCE / "reference" / "steppers"
+    assert Path(integrate.stats.cache_path) == kernels_folder() / numba_folder(room)
+    for name, text in (("one", "x = 1"), ("two", "x = 1"), ("another", "x = 2")):
+        sources = tmp_path / name / "reference" / "steppers"
+        sources.mkdir(parents=True)
+        (sources / "driver.py").write_text(text)
+    kernels = Path("reference") / "kernel" / "__pycache__" / f"kernels-{digest(tmp_path / 'one')}"
+    compiled = tmp_path / "one" / kernels / numba_folder(tmp_path / "one" / "reference" / "steppers")
+    compiled.mkdir(parents=True)
+    for name in ("driver.nbi", "driver.1.nbc", "driver.nbi.tmp.1"):
+        (compiled / name).write_text(name)
+    assert copy_kernels(tmp_path / "one", tmp_path / "two") == 2
+    copied = tmp_path / "two" / kernels / numba_folder(tmp_path / "two" / "reference" / "steppers")
+    assert {file.name: file.read_text() for file in copied.iterdir()} == {n: n for n in ("driver.nbi", "driver.1.nbc")}
+    assert copy_kernels(tmp_path / "one", tmp_path / "another") == 0
 
 
 HEAD = "from consilience.reference.kernel.compiled import inner, kernel\n"
