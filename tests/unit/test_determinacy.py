@@ -49,7 +49,8 @@ def test_without_friction_and_where_it_slides_all_forces_are_determined():
 def test_friction_that_sticks_shares_the_force_across_the_plane_with_the_joint():
     """Three rows of the joint, three of the contact, and one of each is along the normal of the plane."""
     mechanism, at_rest, _ = slab(0.4)
-    reactions, pairs = determinate_forces(mechanism, at_rest)
+    reactions, pairs, contacts = determinate_forces(mechanism, at_rest)
+    assert np.array_equal(contacts, pairs)
     assert reactions[0, PLANE_FORCE].all()
     assert not reactions[0, 2]
     assert not pairs.any()  # the open force is along a skew direction
@@ -60,9 +61,7 @@ def test_a_contact_that_is_apart_leaves_nothing_open():
     mechanism, at_rest, _ = slab(0.4)
     (foot,) = mechanism.contacts
     apart = replace(mechanism, contacts=(replace(foot, point=foot.point - 0.01 * foot.normal),))
-    reactions, pairs = determinate_forces(apart, at_rest)
-    assert reactions.all()
-    assert pairs.all()
+    assert all(part.all() for part in determinate_forces(apart, at_rest))
 
 
 @pytest.mark.parametrize("element", ["stop", "dry friction"])
@@ -77,7 +76,7 @@ def test_what_holds_one_coordinate_twice_is_open(element):
         "stop": {"stops": (Stop("stop", "hinge", "angle", lower=0.0),)},
         "dry friction": {"dry_frictions": (DryFriction("pin", "hinge", "angle", bound=1.0),)},
     }[element]
-    reactions, pairs = determinate_forces(replace(held, **acting), at_rest)
+    reactions, pairs, _ = determinate_forces(replace(held, **acting), at_rest)
     assert not pairs.any()
     assert not reactions[0, PLANE_FORCE].any()
     assert reactions[0, 5]  # no torque about the hinge's axis
@@ -93,3 +92,20 @@ def test_forces_of_a_pair_add_up_with_the_sign_of_the_side():
     mechanism, _, _ = slab(0.0)
     (foot,) = mechanism.contacts
     assert contact_pairs([foot, replace(foot, body=GROUND, partner="slab")]).tolist() in ([[1.0, -1.0]], [[-1.0, 1.0]])
+
+
+def test_feet_share_the_force_of_a_body_in_ways_that_leave_its_sum_determined():
+    """Three rough feet on a skew floor: nine forces, six equations; their sum is the weight's."""
+    _, at_rest, _ = slab(0.4)
+    mechanism, _, _ = slab(0.4)
+    (foot,), (body,) = mechanism.contacts, mechanism.bodies
+    n = foot.normal
+    arms = np.cross(n, [[0.3, 0.1, 0.0], [-0.2, 0.2, 0.1], [0.1, -0.3, 0.2]])
+    feet = [
+        replace(foot, name=f"foot {k}", corner=body.drawing.R.T @ (foot.point + arm - body.drawing.p))
+        for k, arm in enumerate(arms)
+    ]
+    free = replace(mechanism.joints[0], kind="free")
+    found = determinate_forces(replace(mechanism, joints=(free,), contacts=tuple(feet)), at_rest)
+    assert found.pairs.all()
+    assert not found.contacts.any()

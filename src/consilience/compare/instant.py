@@ -139,10 +139,10 @@ class Instants:
     def of(cls, mechanism: Mechanism, states: Sequence[State]) -> Instants:
         """Compute the properties of the states of a mechanism."""
         masses = np.array([b.mass for b in mechanism.bodies])
-        reactions, pairs = zip(*(determinate_forces(mechanism, s) for s in states), strict=True)
+        determined = [determinate_forces(mechanism, s) for s in states]
         return cls(
             np.array([worst_condition(mechanism, s) for s in states]),
-            np.array(reactions),
+            np.array([one.reactions for one in determined]),
             sum(b.mass for b in mechanism.bodies),
             float(np.linalg.norm(mechanism.gravity)),
             characteristic_length(mechanism),
@@ -153,7 +153,7 @@ class Instants:
             max(_swings(mechanism, s, masses) for s in states),
             len(mechanism.bodies),
             contact_pairs(mechanism.contacts),
-            np.array(pairs),
+            np.array([one.pairs for one in determined]),
         )
 
     @property

@@ -27,7 +27,7 @@ from consilience.mechanism.constraints import (
     scaled_jacobian,
     velocity_sizes,
 )
-from consilience.mechanism.contact_determinacy import contact_pairs, determinate_forces
+from consilience.mechanism.contact_determinacy import DeterminateForces, contact_pairs, determinate_forces
 from consilience.mechanism.contact_geometry import (
     TOUCHING,
     NearestPoints,
@@ -147,6 +147,7 @@ __all__ = [
     "Control",
     "Coordinate",
     "Coupling",
+    "DeterminateForces",
     "DiscPlane",
     "Drive",
     "DryFriction",

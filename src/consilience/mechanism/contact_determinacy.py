@@ -9,6 +9,7 @@ determine counts as undetermined.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,19 +31,30 @@ def contact_pairs(contacts: Sequence[Contact]) -> Array:
     """Return the signs of the contacts in the force between each pair of bodies, shape (n_p, n_c)."""
     ends = [(contact.body, contact.partner) for contact in contacts]
     pairs = dict.fromkeys((min(pair), max(pair)) for pair in ends)
-    return np.array([[(pair == end) - (pair == end[::-1]) for end in ends] for pair in pairs], dtype=float)
+    signs = [[(pair == end) - (pair == end[::-1]) for end in ends] for pair in pairs]
+    return np.array(signs, dtype=float).reshape(len(pairs), len(ends))
 
 
-def determinate_forces(mechanism: Mechanism, state: State) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Tell which components of joint reactions and of forces between pairs of bodies equilibrium determines.
+class DeterminateForces(NamedTuple):
+    """Components of forces that equilibrium determines.
 
-    Returns
-    -------
+    Attributes
+    ----------
     reactions : ndarray of bool, shape (n_j, 6)
-        Force, then torque, axes of F.
+        Of joints: force, then torque, axes of F.
     pairs : ndarray of bool, shape (n_p, 3)
-        In the order of `contact_pairs`, world axes.
+        Of the forces between bodies, in the order of `contact_pairs`, world axes.
+    contacts : ndarray of bool, shape (n_c, 3)
+        Of the force of each contact, the sum over its parts, world axes.
     """
+
+    reactions: NDArray[np.bool_]
+    pairs: NDArray[np.bool_]
+    contacts: NDArray[np.bool_]
+
+
+def determinate_forces(mechanism: Mechanism, state: State) -> DeterminateForces:
+    """Tell which components of joint reactions and of contact forces equilibrium determines."""
     length, sizes = characteristic_length(mechanism), velocity_sizes(mechanism)
     blocks, directions = [scaled_jacobian(mechanism, state)], list[list[Array]]()
     for contact in mechanism.contacts:
@@ -56,7 +68,10 @@ def determinate_forces(mechanism: Mechanism, state: State) -> tuple[NDArray[np.b
                 directions[-1].append(free)
     blocks.append(_joint_efforts(mechanism, state) * sizes)
     free = null_space(np.vstack(blocks).T)
-    return _reactions(mechanism, state, free, length), _pairs(mechanism, free[len(blocks[0]) :], directions)
+    sums = _contact_sums(free[len(blocks[0]) :], directions)
+    pairs = np.einsum("pc,cik->pik", contact_pairs(mechanism.contacts), sums)
+    determined = (np.linalg.norm(forces, axis=2) < DETERMINED_TOLERANCE for forces in (pairs, sums))
+    return DeterminateForces(_reactions(mechanism, state, free, length), *determined)
 
 
 def _velocity(state: State) -> Array:
@@ -125,16 +140,11 @@ def _reactions(mechanism: Mechanism, state: State, free: Array, length: float) -
     return np.array(found).reshape(-1, 6) < DETERMINED_TOLERANCE
 
 
-def _pairs(mechanism: Mechanism, free: Array, directions: list[list[Array]]) -> NDArray[np.bool_]:
-    """Sum the free forces of the parts over contacts, and those over pairs."""
-    sums, start = [], 0
-    for parts in directions:
-        total = np.zeros((3, free.shape[1]))
+def _contact_sums(free: Array, directions: list[list[Array]]) -> Array:
+    """Sum the free forces of the parts over contacts, shape (n_c, 3, free directions)."""
+    sums, start = np.zeros((len(directions), 3, free.shape[1])), 0
+    for c, parts in enumerate(directions):
         for along in parts:
-            total += along.T @ free[start : start + len(along)]
+            sums[c] += along.T @ free[start : start + len(along)]
             start += len(along)
-        sums.append(total)
-    pairs = contact_pairs(mechanism.contacts)
-    if not len(pairs):
-        return np.ones((0, 3), dtype=bool)
-    return np.asarray(np.linalg.norm(np.einsum("pc,cik->pik", pairs, np.array(sums)), axis=2) < DETERMINED_TOLERANCE)
+    return sums

@@ -16,7 +16,16 @@ from consilience.audit.identities.equations import Equations
 from consilience.audit.identities.motion import limit_of_levels
 from consilience.audit.identities.result import NotApplicableError, Residual, UnansweredError
 from consilience.engine import CONTACT_MODES, Method, TrajectoryAnswer
-from consilience.mechanism import GROUND, Array, Mechanism, SphereSphere, State, kinetic_energy, potential_energy
+from consilience.mechanism import (
+    GROUND,
+    Array,
+    Mechanism,
+    SphereSphere,
+    State,
+    determinate_forces,
+    kinetic_energy,
+    potential_energy,
+)
 
 ROUNDING = 1e-9
 """Residual of motions, relative to their size, that counts as rounding: events are located to 1e-11 of it."""
@@ -67,7 +76,8 @@ def normal_power(mechanism: Mechanism, answer: TrajectoryAnswer) -> Array:
 def impulse_cone(mechanism: Mechanism, answer: TrajectoryAnswer) -> Array:
     """Return by how much impulses since the sample before pull or exceed the cone, over that of the weight.
 
-    The cone is convex: where its normal is at rest, sums of forces and impulses are within it.
+    The cone is convex: where its normal is at rest, sums of forces and impulses are within it. Forces that equilibrium
+    leaves open, at the samples beside an interval, tell nothing.
     """
     impulses, dt = _given(answer.contact_impulse, "impulses"), float(answer.time[1] - answer.time[0])
     fixed = [c for c, k in enumerate(mechanism.contacts) if not isinstance(k, SphereSphere) and k.partner == GROUND]
@@ -75,11 +85,16 @@ def impulse_cone(mechanism: Mechanism, answer: TrajectoryAnswer) -> Array:
         raise NotApplicableError("no contact has a normal at rest")
     start = [ContactAtState(mechanism, answer.state(0), mechanism.contacts[c]) for c in fixed]
     size = float(np.max(Equations(mechanism, answer.state(0)).solution.terms)) * dt
+    sure = np.array([determinate_forces(mechanism, answer.state(k)).contacts.all(axis=1) for k in range(len(impulses))])
+    told = sure & np.concatenate([sure[:1], sure[:-1]])
+    if not np.any(told[1:, fixed]):
+        raise NotApplicableError("equilibrium leaves the forces of all contacts open")
     found = []
     for c, here in zip(fixed, start, strict=True):
         N = impulses[:, c] @ here.normal
         beyond = gauge(here.contact.cone, np.array([here.friction(p) for p in impulses[:, c]]))
-        found += [np.maximum(0.0, -N), np.maximum(0.0, beyond - most_friction(here.contact) * np.maximum(N, 0.0))]
+        beyond = beyond - most_friction(here.contact) * np.maximum(N, 0.0)
+        found += [told[:, c] * np.maximum(0.0, values) for values in (-N, beyond)]
     return np.array(found) / (size or 1.0)
 
 
