@@ -24,15 +24,17 @@ TOLERANCES = (1e-6, 1e-8, 1e-10, 1e-12)
 LEVELS = 7
 """Steps that are tried: a quarter of the sampling interval, and a quarter of that, and so on."""
 
-PATIENCE, AT_LEAST = 30.0, 0.2
+PATIENCE, AT_LEAST = 12.0, 0.1
 """A method is given up where a run takes so many times as long as the reference, and so long in s."""
 
 SHORT = ("block_incline-down", "bowling-skid")
 
 
-def _chosen(short: bool) -> Iterator[Case]:
+def _chosen(short: bool, target: float) -> Iterator[Case]:
+    """Yield the cases of a table; to 1e-9 those without impacts, whose places in a step no engine finds."""
     for case in shipped_cases():
-        if case.name in SHORT or (not short and "contact" in case.tags):
+        hits = target < 1e-4 and bool({"impact", "stop"} & set(case.tags))
+        if case.name in SHORT or (not short and "contact" in case.tags and not hits):
             yield case
 
 
@@ -96,7 +98,7 @@ def run(short: bool) -> Iterator[Table]:
             f"A method is given up where a run takes {PATIENCE:g} times as long as the reference, or would."
         )
         table = Table(f"A motion with contact to {target:.0e} m", about, columns)
-        for case in _chosen(short):
+        for case in _chosen(short, target):
             truth, own = _reference(case, TRUTH), None
             for tolerance in TOLERANCES:
                 mine = partial(_reference, case, tolerance)
@@ -114,7 +116,7 @@ def run(short: bool) -> Iterator[Table]:
                 cells = [seconds(alone), f"none within {seconds(own[1])}", "", f"> {own[1] / alone:.2g}"]
                 table.rows.append([*start, *cells])
             else:
-                samples = race({"reference": own[0], "engine": found[1]}, 3 if short else 5)
+                samples = race({"reference": own[0], "engine": found[1]}, 3)
                 cells = [seconds(samples[name].median) for name in ("reference", "engine")]
                 times = ratio(samples["engine"], samples["reference"])
                 table.rows.append([*start, *cells, found[0], str(times)])
