@@ -144,6 +144,24 @@ def test_installed_engines_obey_the_identities_of_contact(engine):
     assert sum(f.outcome is IdentityOutcome.HOLDS for f in found) >= 7
 
 
+@pytest.mark.parametrize(("share", "outcome"), [(1.0, IdentityOutcome.HOLDS), (0.0, IdentityOutcome.VIOLATED)])
+def test_an_overlap_that_vanishes_with_softness_violates_nothing(share, outcome):
+    """A ball sunk by 1e-5 m: by as much again with twice the softness, or by the same however soft."""
+    method = replace(load_engine("reference").methods(case().mechanism, Question.TRAJECTORY)[0], softness=1.0)
+
+    def ask(request):
+        if request.question is None:
+            plan = perform(load_engine("reference"), request)
+            return Reply(replace(plan, methods=plan.methods | {Question.TRAJECTORY: (method,)}), returned=True)
+        if request.question is Question.INSTANT:
+            return Reply(honest(Question.INSTANT, None), returned=True)
+        sunk = 1e-5 * (1.0 - share + share * request.method.softness)
+        return Reply(along(p_WB=-sunk)(honest(Question.TRAJECTORY, request.step)), returned=True)
+
+    found = {finding.identity: finding.outcome for finding in check_case(ask, "test", case(), 1)}
+    assert found["no overlap"] is outcome
+
+
 def test_the_command_checks_a_case_with_contact():
     result = CliRunner().invoke(app, ["check", "bounces_to_rest", "-e", "reference", "--states", "1", "-f", "markdown"])
     assert result.exit_code == 0, result.output

@@ -1,19 +1,21 @@
 """Identities of contact along a motion: overlap, normal power, impulses within the cone, energy.
 
 Residuals of the finest levels are extrapolated to step zero as those of constraints are, with order one, which is what
-impacts leave of any integrator [Acary and Brogliato 2008, chapter 8]: a residual that smaller steps cure is none.
+impacts leave of any integrator [Acary and Brogliato 2008, chapter 8]: a residual that smaller steps cure is none. Nor
+is one that vanishes with the softness of an engine's contacts: the finest level is asked again, twice as soft.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from consilience.audit.identities.asking import Asker
 from consilience.audit.identities.contact import ContactAtState, gauge, most_friction
-from consilience.audit.identities.equations import Equations
-from consilience.audit.identities.motion import limit_of_levels
+from consilience.audit.identities.equations import Equations, largest
+from consilience.audit.identities.motion import SAFETY, limit_of_levels
 from consilience.audit.identities.result import NotApplicableError, Residual, UnansweredError
 from consilience.engine import CONTACT_MODES, Method, TrajectoryAnswer
 from consilience.mechanism import (
@@ -145,13 +147,22 @@ def measure_contact_motion(
     sample = float(times[1] - times[0])
     steps = ([sample / n for n in method.substeps] or list(method.tolerances))[-3:]  # the finest, coarse to fine
     answers = [asker.trajectory(mechanism, start, times, method, step) for step in steps]
+    if method.softness is not None:
+        softer = replace(method, softness=2.0 * method.softness)
+        answers.append(asker.trajectory(mechanism, start, times, softer, steps[-1]))
     return [_limit(measure, mechanism, answers, steps) for measure in MOTION_RESIDUALS.values()]
 
 
 def _limit(
     measure: _Levels, mechanism: Mechanism, answers: Sequence[TrajectoryAnswer], steps: Sequence[float]
 ) -> Residual | NotApplicableError:
+    """Extrapolate to step zero; `answers` are those of the steps, and a softer one at the finest where there is any."""
     try:
-        return limit_of_levels([measure(mechanism, answer) for answer in answers], steps, 1, ROUNDING)
+        found = [measure(mechanism, answer) for answer in answers]
     except NotApplicableError as reason:
         return reason
+    levels, guard = found[: len(steps)], ROUNDING
+    for softer in found[len(steps) :]:
+        shift = softer - levels[-1]
+        levels, guard = [level - shift for level in levels], guard + SAFETY[1] * largest(shift)
+    return limit_of_levels(levels, steps, 1, guard)
