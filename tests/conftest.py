@@ -21,6 +21,7 @@ LONGEST = (
     "harness/test_workers.py",
     "conformance/test_library.py",
     "harness/test_fuzz.py",
+    "unit/test_notebooks.py",
     "harness/test_faults.py",
     "harness/test_hostile.py",
     "unit/test_kernel_formulations.py",
