@@ -26,7 +26,7 @@ _MOST = 100
 _SAME = 1e-8
 """Accelerations that differ by less, relative to the largest, are the same solution."""
 
-_EXCHANGES = 40
+_EXCHANGES, _HALVINGS = 40, 8
 
 SHARE = "how the contacts share their load is open, and with it the friction of those that slide in several directions"
 
@@ -274,10 +274,31 @@ class ModeSearch:
         names = ", ".join(dict.fromkeys(self.problem.names))
         if self.family is not None:
             return NumericalFailure(f"the laws of {names} allow several accelerations: {SHARE}")
+        share = self._bearable()
+        if share is not None:
+            return NumericalFailure(
+                f"{names}: friction jams (Painleve): no forces satisfy the laws of contact; with {share:.2g} of the "
+                "coefficients of friction there are some"
+            )
         return NumericalFailure(
             f"no modes of {names} satisfy the laws of contact: the best candidate violates that of {self.best[1]} by "
             f"{self.best[0]:.3g} of the forces{f'; {SHARE}' if self._shared() else ''}"
         )
+
+    def _bearable(self) -> float | None:
+        """Return the largest share of the coefficients of friction found with which there is a solution, or None."""
+        low, high = -1.0, 1.0
+        for share in (0.0, *([None] * _HALVINGS)):
+            tried = 0.5 * (low + high) if share is None else share
+            sets = (
+                one if one.load is None else replace(one, kinetic=tried * one.kinetic, static=tried * one.static)
+                for one in self.problem.friction
+            )
+            found = ModeSearch(replace(self.problem, friction=tuple(sets))).first(None)
+            low, high = (low, tried) if found is None else (tried, high)
+            if high == 0.0:
+                return None
+        return low
 
     def _shared(self) -> bool:
         """Return whether normal forces alone are undetermined: several contacts carry one body."""

@@ -285,6 +285,8 @@ class _ContactSimulation:
         """
         before = self.stepper.modes
         hit = self._hit(closing)
+        if hit:  # forces of dampers have jumped
+            self.equations.press(TOUCHING * self.length)
         response = self.stepper.respond(self.stepper.t, self.stepper.y)
         rows = self.equations.rows
         still = STILL * self._speeds()
