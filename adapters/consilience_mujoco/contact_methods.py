@@ -162,13 +162,7 @@ def _defaults(mechanism: Mechanism) -> Iterator[Method]:
         yield plain
         return
     yield replace(plain, contact_law=_PYRAMID, law=pyramid(mechanism))
-    yield replace(
-        plain,
-        name="Euler, defaults but elliptic",
-        settings={"opt.cone": "ELLIPTIC"},
-        contact_law=_ELLIPTIC,
-        law=ContactLaw(associated=True),
-    )
+    yield replace(plain, name="Euler, defaults but elliptic", settings={"opt.cone": "ELLIPTIC"}, contact_law=_ELLIPTIC)
 
 
 def pyramid(mechanism: Mechanism) -> ContactLaw | None:

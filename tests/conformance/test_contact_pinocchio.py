@@ -35,6 +35,7 @@ from consilience.mechanism import (
     relative_motion,
     sine,
 )
+from consilience.reference.contact import simulate_with_contacts
 from consilience_pinocchio import PinocchioEngine
 from consilience_pinocchio.cones import Circle, ConeSolver, Interval
 from consilience_pinocchio.export import export_model
@@ -461,6 +462,20 @@ def test_associated_cones_lift_a_sliding_box():
     _, v, w = LAB.centre(found)
     slip = v[0] - 0.11 * w[1]
     assert v[2] == pytest.approx(0.5 * slip, rel=1e-9)
+
+
+@pytest.mark.parametrize("heading", [0.0, 20.0])
+def test_the_lift_of_associated_cones_is_that_of_the_reference_with_this_law(heading):
+    """A cube thrown at 6 m/s with mu 0.5 lifts by 293.6 mm, ``(mu v / (1 + mu^2))^2 / (2 g)``, whatever the step."""
+    cube = {"half_sizes": (0.05,) * 3, "mass": 1.0, "moments": (1 / 600,) * 3}
+    mechanism, angle = box(**cube, friction=0.5, associated=True), np.radians(heading)
+    start = LAB.state((0, 0, 0.05), (6.0 * np.cos(angle), 6.0 * np.sin(angle), 0.0))
+    times = 2.4 / G * np.array([0.0, 0.5, 1.0])
+    exact, _ = simulate_with_contacts(mechanism, start, times)
+    coarse, fine = (move(mechanism, start, times, 2.4 / G / n).p_WB[-1] for n in (200, 400))
+    moved = exact.p_WB[-1] - exact.p_WB[0]
+    assert (LAB.axes.T @ moved[0])[2] == pytest.approx(0.5 * 2.4**2 / G, rel=1e-9)
+    np.testing.assert_allclose(2 * fine - coarse, exact.p_WB[-1], atol=1e-3 * 0.5 * 2.4**2 / G)
 
 
 def test_the_solver_s_traps():

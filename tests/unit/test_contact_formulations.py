@@ -7,7 +7,7 @@ import pytest
 
 from consilience.audit.formulations.contacts import FLOOR, LEVELS, SAFETY, TIMES, band_of, campaign, compare, summary
 from consilience.audit.random_contacts import random_contacts
-from consilience.mechanism import State, contact_parts
+from consilience.mechanism import State, contact_parts, rotation_from_quaternion
 from consilience.reference.contact import simulate_with_contacts
 from consilience.reference.contact.time_stepping import step_with_contacts
 from contact_problems import FEET, LEVEL, G, Lab
@@ -25,6 +25,21 @@ def test_a_block_stops_within_a_step_of_where_friction_has_used_its_energy():
     assert np.linalg.norm(state.v_WB_W) < 1e-10
     normal, *_ = np.sum(motion.impulse[-1].reshape(-1, 3), axis=0)
     assert normal == pytest.approx(2.0 * G * 0.6, rel=1e-10)
+
+
+def test_time_stepping_lifts_what_slides_under_an_associated_cone_by_one_order():
+    """The first hop is ``(mu u / (1 + mu^2))^2 / (2 g)`` high."""
+    lab, mu, v = Lab(), 0.4, np.array([1.2, 0.9, 0.0])
+    mechanism = lab.free_body(2.0, (0.02, 0.03, 0.04), LEVEL, lab.points(FEET, friction=mu, associated=True))
+    rise = mu * 1.5 / (1 + mu**2)
+    heights = []
+    for steps in (50, 100):
+        motion = step_with_contacts(mechanism, lab.state([0, 0, 0.1], v), np.array([0.0, rise / G]), steps)
+        at = motion.p_WB[-1, 0] + rotation_from_quaternion(motion.quat_WB[-1, 0]) @ lab.com
+        heights.append((lab.axes.T @ (at - lab.origin))[2] - 0.1)
+    errors = np.array(heights) / (0.5 * rise**2 / G) - 1.0
+    assert errors[0] / errors[1] == pytest.approx(2.0, abs=0.05)
+    assert abs(2 * errors[1] - errors[0]) < 5e-4
 
 
 def test_random_contacts_are_those_of_their_seed_and_start_apart_or_touching():

@@ -92,9 +92,9 @@ class ReferenceEngine:
         if question is Question.MODEL or (self._own is None and not _touches(mechanism)):
             return ()
         if self._own is None:
-            from consilience.reference.contact.layout import NOT_COVERED  # noqa: PLC0415 - slow to import
+            from consilience.reference.contact.layout import ASSOCIATED_ALONE, not_covered  # noqa: PLC0415 - slow to import
 
-            return tuple(Unsupported(name, NOT_COVERED[name]) for name in mechanism.features if name in NOT_COVERED)
+            return tuple(Unsupported(f"contact '{name}'", ASSOCIATED_ALONE) for name in not_covered(mechanism))
         return registry.unsupported(self._own, mechanism)
 
     def methods(self, mechanism: Mechanism, question: Question) -> tuple[Method, ...]:

@@ -17,7 +17,7 @@ are reactions of joints follow from the forces of all rows (`joint_friction`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -395,4 +395,4 @@ def _at(one: FrictionSet, place: dict[int, int], offset: float, normals: list[in
     """Return a friction set with rows renumbered, and the offset that it has; a load that the state gives is in it."""
     load = place[one.load] if one.load in normals else None
     rows = tuple(place[r] for r in one.rows)
-    return FrictionSet(one.name, rows, one.kinetic, one.static, load, offset, one.facets, one.angle)
+    return replace(one, rows=rows, load=load, offset=offset)

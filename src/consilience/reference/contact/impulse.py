@@ -8,6 +8,7 @@
 - Poisson: a contact by itself follows Routh's path; contacts that act on one another take two phases (Pfeiffer and
   Glocker 1996), compression without restitution and then normal impulses of at least e times those of compression, in
   each of which friction opposes the velocity at its end.
+- Associated cones (`projections`) have a law of their own, whatever is asked.
 
 Friction with a constant bound has no impulse.
 """
@@ -26,6 +27,7 @@ from consilience.reference.contact.decision import decide
 from consilience.reference.contact.groups import groups
 from consilience.reference.contact.modes import ClosedContacts, solve_modes
 from consilience.reference.contact.problem import ContactProblem, FrictionSet
+from consilience.reference.contact.projections import PATIENT_SWEEPS, friction_table, project_impulses
 from consilience.reference.contact.routh import poisson_path
 
 LAWS = ("newton", "moreau", "poisson")
@@ -83,6 +85,8 @@ def solve_impulse(
     sets = tuple(f for f in problem.friction if f.load is not None)
     sets = tuple(replace(f, static=f.kinetic, offset=0.0) for f in sets)
     problem = replace(problem, friction=sets, sliding=None)
+    if any(one.associated for one in sets):
+        return _convex(problem, restitution)
     if law == "newton" and all(_is_circle(f) for f in sets) and _one_each(problem):
         return _newton(problem, restitution, at_rest, time)
     if law in {"newton", "moreau"}:
@@ -139,6 +143,18 @@ def _moreau(problem: ContactProblem, restitution: Array) -> ImpulseSolution:
     return ImpulseSolution(
         decision.force, problem.acceleration(decision.force), _names(problem, decision.force), decision.unique
     )
+
+
+def _convex(problem: ContactProblem, restitution: Array) -> ImpulseSolution:
+    """Solve where what slides parts: velocities are the nearest, in the mass metric, in the dual of all cones."""
+    free, act, p = problem.free.copy(), np.zeros(len(problem.free), dtype=np.bool_), np.zeros(len(problem.free))
+    normals = list(problem.normals)
+    free[normals] += restitution * np.minimum(free[normals], 0.0)
+    act[normals] = True
+    law = friction_table(problem.friction, problem.normals)
+    if not project_impulses(problem.delassus, free, law, np.zeros(len(problem.friction)), act, PATIENT_SWEEPS, p):
+        raise NumericalFailure(f"{', '.join(dict.fromkeys(problem.names))}: impulses in associated cones are not found")
+    return ImpulseSolution(p, problem.acceleration(p), _names(problem, p), None)
 
 
 def _names(problem: ContactProblem, p: Array) -> tuple[str, ...]:

@@ -17,6 +17,8 @@ from consilience.reference.contact.joint_friction import decide_with_reactions
 from consilience.reference.contact.problem import ContactProblem, FrictionMode, Modes
 from consilience.reference.contact.row_modes import RowModes, open_modes
 
+HOPS = "what slides under an associated cone parts at once: pressed on from rest, it slides in hops without end"
+
 
 @dataclass(frozen=True, eq=False)
 class LastingContact:
@@ -92,6 +94,9 @@ def decide_lasting(
     force[rows] = decision.force
     acceleration = response.free + response.K @ (response.K.T @ force)
     modes = _extended(equations, decision.modes, normals, sets, sliding)
+    for one, mode in zip(equations.layout.friction, modes.friction, strict=True):
+        if one.associated and mode is not None and len(mode.held) < len(one.rows):
+            raise NumericalFailure(f"{one.name}: {HOPS}")
     found = bool(decision.undetermined.shape[1])
     return LastingContact(modes, force + response.given, acceleration, decision, found)
 

@@ -19,8 +19,7 @@ from consilience.reference.bodies.arrays import ANGLE, DISTANCE, Model, flatten
 from consilience.reference.contact.pairs import LIMIT, pairs_of
 from consilience.reference.contact.problem import FrictionSet
 
-NOT_COVERED = {"associated cone": "sliding that lifts is a law of steps and impacts, not of accelerations"}
-"""Features of contact and dry friction, as in `Mechanism.features`, without equations of lasting contact, and why."""
+ASSOCIATED_ALONE = "an associated cone is a circle, without rebound, static friction, friction moments or compliance"
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +129,8 @@ def _of_contact(part: Any, k: int, turning: int) -> list[FrictionSet]:
             found += [FrictionSet(where, (n + i,), part.friction, static, n) for i in (1, 2)]
         else:
             facets = cone.facets if cone.kind == "pyramid" else 0
-            found.append(FrictionSet(where, (n + 1, n + 2), part.friction, static, n, 0.0, facets, cone.offset))
+            rows = (n + 1, n + 2)
+            found.append(FrictionSet(where, rows, part.friction, static, n, 0.0, facets, cone.offset, part.associated))
     if part.torsional > 0.0:
         found.append(FrictionSet(f"torsion of {where}", (turning,), part.torsional, part.torsional, n))
     if part.rolling > 0.0:
@@ -144,6 +144,22 @@ def _coefficients(dry: DryFriction) -> tuple[float, float]:
     return mu, mu
 
 
+def not_covered(mechanism: Mechanism) -> tuple[str, ...]:
+    """Return the contacts whose laws have no equations together: an associated cone beside another law."""
+    return tuple(
+        c.name
+        for c in mechanism.contacts
+        if c.associated
+        and (
+            c.cone.kind != "circle"
+            or c.impact_law == "poisson"
+            or c.compliance is not None
+            or c.static_friction not in (None, c.friction)
+            or max(c.restitution, c.torsional, c.rolling) > 0.0
+        )
+    )
+
+
 def layout_of(mechanism: Mechanism) -> RowLayout:
     """Lay out the rows of a mechanism's contacts, stops and dry frictions.
 
@@ -152,9 +168,8 @@ def layout_of(mechanism: Mechanism) -> RowLayout:
     InvalidInput
         A law that is not covered.
     """
-    for feature, where in mechanism.features.items():
-        if feature in NOT_COVERED:
-            raise InvalidInput(where, NOT_COVERED[feature], "Leave it out.")
+    for name in not_covered(mechanism):
+        raise InvalidInput(f"contact '{name}'", ASSOCIATED_ALONE, "Leave the other law out.")
     smooth = smooth_mechanism(mechanism)
     model = flatten(smooth)
     split = [contact_parts(c) for c in mechanism.contacts]

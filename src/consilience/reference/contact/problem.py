@@ -74,6 +74,8 @@ class FrictionSet:
         Vertices of a pyramid; 0 for a disc. Of no meaning for one row.
     angle : float, rad
         Angle of the first vertex from the first row.
+    associated : bool
+        Whether what slides parts, along the normal of the cone.
     """
 
     name: str
@@ -84,6 +86,7 @@ class FrictionSet:
     offset: float = 0.0
     facets: int = 0
     angle: float = 0.0
+    associated: bool = False
 
     @property
     def is_disc(self) -> bool:

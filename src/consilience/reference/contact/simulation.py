@@ -29,6 +29,7 @@ from consilience.reference.contact.bounces import Bounces
 from consilience.reference.contact.equations import ContactEquations, Response
 from consilience.reference.contact.event_functions import EventFunctions
 from consilience.reference.contact.events import PARTS, Watch, first_zero, start_of_slip
+from consilience.reference.contact.hops import rows_at_rest, what_lifts
 from consilience.reference.contact.impact import Impact, apply_impact
 from consilience.reference.contact.lasting import (
     LastingContact,
@@ -363,10 +364,16 @@ class _ContactSimulation:
             gap, rate = rows.gap[self.layout.gaps], rows.u[list(self.layout.normals)]
             closed = np.isin(np.arange(len(gap)), list(closing))
             touching = closed | (gap <= TOUCHING * self.length)
-            strikes = touching & (rate < -still) & (closed | (gap <= GRAZING * self.length))
+            lifts = what_lifts(self.equations, rate, STOPPED * self.speed)
+            strikes = touching & ((rate < -still) | lifts) & (closed | (gap <= GRAZING * self.length))
             if not np.any(strikes):
                 return hit
-            taking = touching & (rate <= still)
+            hit |= set(np.flatnonzero(strikes).tolist())
+            resting = rows_at_rest(self.equations, strikes, touching, _CRAWL * self.speed)
+            if resting:
+                stepper.halt(resting)
+                continue
+            taking = touching & ((rate <= still) | lifts)
             restitution = self.layout.rebounds(-rate)
             for n in np.flatnonzero(taking & (rate < 0.0)):
                 restitution[n] = self._restitution(int(n), -float(rate[n]), float(restitution[n]))
@@ -375,7 +382,6 @@ class _ContactSimulation:
                     self.equations, response, stepper, taking, restitution, still, self.law
                 )
             self.impacts.append(record)
-            hit |= set(np.flatnonzero(strikes).tolist())
             for n in np.flatnonzero(strikes):
                 self.bounces.add(int(n), -float(rate[n]))
             loss = record.energy_before - record.energy_after

@@ -134,6 +134,12 @@ class Stepper:
         self._Y[-1] += loss
         self._restart()
 
+    def halt(self, rows: Sequence[int]) -> None:
+        """Continue with these rows at rest."""
+        self._Y = self._Y.copy()
+        self._project_velocity(self.t, self.y, self._turns, rows)
+        self._restart()
+
     def change_modes(self, modes: RowModes, halted: Sequence[int] = ()) -> None:
         """Continue in other modes, from the state projected onto what lasts in them, and onto rows that have halted."""
         self.modes = modes

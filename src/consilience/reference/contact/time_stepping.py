@@ -10,8 +10,8 @@ with f, Q and J at q_m. It knows no modes, no accelerations of contacts, no even
 sticking are the same problem. Its impacts are Moreau's (`impulse`). Errors are of order one in h; between impacts they
 have an expansion in h, and an impact comes at a random place within a step.
 
-The problem is solved by successive projections, row by row (Jourdan, Alart and Jean 1998), compiled. Where they
-converge slowly, a search for modes takes their place.
+The problem is solved by successive projections (`projections`). Where they converge slowly, a search for modes takes
+their place.
 """
 
 from __future__ import annotations
@@ -29,14 +29,10 @@ from consilience.reference.contact.decision import decide
 from consilience.reference.contact.equations import HELD, ContactEquations, Response
 from consilience.reference.contact.joint_friction import with_offsets
 from consilience.reference.contact.layout import layout_of
+from consilience.reference.contact.projections import PATIENT_SWEEPS, SWEEPS, friction_table, project_impulses
 from consilience.reference.contact.stepper import least_change, move_bodies
-from consilience.reference.kernel.compiled import allocating, inner
 
 _PROJECTIONS = 2
-_SWEEPS, _PATIENT_SWEEPS = 2000, 200_000  # before a search for modes, and after one without success
-_SOLVED = 1e-13
-"""Change of the velocities in a sweep at which the problem is solved, over their size."""
-
 _CLOSED = 1e-13
 """Gap of a closed contact, over the length of the mechanism."""
 
@@ -97,7 +93,10 @@ class _Scheme:
         self.impulse, self._p = np.zeros(len(layout.names)), np.zeros(len(layout.names))
         self._ws, self._turns = workspace(self._model), np.zeros(len(self._model.coordinate))
         count_turns(self._model, self.y, self._ws, self._turns)
-        self._normals, self._law = np.array(layout.normals, dtype=np.int64), friction_table(self.equations)
+        self._normals, self._law = (
+            np.array(layout.normals, dtype=np.int64),
+            friction_table(layout.friction, layout.normals),
+        )
 
     def step(self, t: float, h: float) -> None:
         """Take one step from the time t."""
@@ -122,17 +121,27 @@ class _Scheme:
         offsets = h * equations.offsets
         p = np.where(act, self._p, 0.0)
         G, free = response.K @ response.K.T, free + rebound
-        if not _project(G, free, self._law, offsets, act, _SWEEPS, p):
-            try:
-                p = self._decided(response, free, offsets, closed)
-            except NumericalFailure:
-                if not _project(G, free, self._law, offsets, act, _PATIENT_SWEEPS, p):
-                    raise
+        if not project_impulses(G, free, self._law, offsets, act, SWEEPS, p):
+            p = self._patiently((G, free, offsets, act, p), response, closed)
         self._p, self.impulse = p, self.impulse + p + h * response.given
         y[: self.bodies, 7:13] = (after + equations.inverse.T @ (response.K.T @ p)).reshape(-1, 6)
         move_bodies(y, 0.5 * h * (velocity + y[: self.bodies, 7:13]))
         self._project(t + h)
         count_turns(self._model, y, self._ws, self._turns)
+
+    def _patiently(self, given: tuple[Array, Array, Array, Array, Array], response: Response, closed: Array) -> Array:
+        """Return the impulses of a step in which projections converge slowly."""
+        G, free, offsets, act, p = given
+        try:
+            if not any(one.associated for one in self.equations.layout.friction):
+                return self._decided(response, free, offsets, closed)
+        except NumericalFailure:
+            if not project_impulses(G, free, self._law, offsets, act, PATIENT_SWEEPS, p):
+                raise
+            return p
+        if not project_impulses(G, free, self._law, offsets, act, PATIENT_SWEEPS, p):
+            raise NumericalFailure("time stepping with associated cones: the projections of a step do not converge")
+        return p
 
     def _decided(self, response: Response, free: Array, offsets: Array, closed: Array) -> Array:
         """Return the impulses of a step that satisfy the laws as inclusions, by a search for modes (`decide`)."""
@@ -150,81 +159,3 @@ class _Scheme:
             change, _ = least_change(equations.inverse, Q[:holonomic], -value[:holonomic])
             move_bodies(self.y, change.reshape(-1, 6))
             equations.rank[0] = least_change(equations.inverse, Q, np.zeros(len(Q)))[1]
-
-
-def friction_table(equations: ContactEquations) -> tuple[Array, Array, Array, Array]:
-    """Return rows (n_f, 2), loads (n_f,) and vertices (n_f,) of all friction sets, -1 for none, and (mu, angle)."""
-    layout = equations.layout
-    rows, load, facets = np.full((len(layout.friction), 2), -1), np.full(len(layout.friction), -1), []
-    numbers = np.zeros((len(layout.friction), 2))
-    for j, one in enumerate(layout.friction):
-        rows[j, : len(one.rows)], numbers[j] = one.rows, (one.kinetic, one.angle)
-        load[j] = one.load if one.load in layout.normals else -1
-        facets.append(one.facets)
-    return rows, load, np.array(facets, dtype=np.int64), numbers
-
-
-@inner
-def _into_polygon(facets: int, angle: float, radius: float, x: float, y: float) -> tuple[float, float]:
-    """Return the point of a regular polygon nearest to a point; its vertices have the distance `radius`."""
-    inside, best, found_x, found_y = True, np.inf, x, y
-    for k in range(facets):
-        a, b = angle + 2 * np.pi * k / facets, angle + 2 * np.pi * (k + 1) / facets
-        ax, ay, bx, by = radius * np.cos(a), radius * np.sin(a), radius * np.cos(b), radius * np.sin(b)
-        dx, dy = bx - ax, by - ay
-        inside = inside and dx * (y - ay) - dy * (x - ax) >= 0.0
-        along = min(1.0, max(0.0, (dx * (x - ax) + dy * (y - ay)) / (dx * dx + dy * dy)))
-        far = (x - ax - along * dx) ** 2 + (y - ay - along * dy) ** 2
-        if far < best:
-            best, found_x, found_y = far, ax + along * dx, ay + along * dy
-    return (x, y) if inside else (found_x, found_y)
-
-
-@inner
-def _into_set(facets: int, angle: float, radius: float, x: float, y: float) -> tuple[float, float]:
-    """Return the point of a friction set of two rows nearest to a point."""
-    if radius <= 0.0:
-        return 0.0, 0.0
-    if facets:
-        return _into_polygon(facets, angle, radius, x, y)
-    size = np.sqrt(x * x + y * y)
-    return (x, y) if size <= radius else (x * radius / size, y * radius / size)
-
-
-@allocating
-def _project(G, free, law, offsets, closed, sweeps, p):  # type: ignore[no-untyped-def]
-    """Solve the problem of one step by successive projections, in place of p; return whether they have converged."""
-    rows, load, facets, numbers = law
-    m, sets = free.shape[0], load.shape[0]
-    u = free + G @ p
-    size = 0.0
-    for row in range(m):
-        size = max(size, abs(free[row]) / max(np.sqrt(G[row, row]), 1e-300))
-    for _ in range(sweeps):
-        change = 0.0
-        for row in range(m):
-            if closed[row] and G[row, row] > 0.0:
-                new = max(0.0, p[row] - u[row] / G[row, row])
-                change = max(change, abs(new - p[row]) * np.sqrt(G[row, row]))
-                u += G[:, row] * (new - p[row])
-                p[row] = new
-        for j in range(sets):
-            a, b = rows[j, 0], rows[j, 1]
-            bound = numbers[j, 0] * (offsets[j] + (p[load[j]] if load[j] >= 0 else 0.0))
-            if b < 0:
-                if G[a, a] > 0.0:
-                    new = min(bound, max(-bound, p[a] - u[a] / G[a, a]))
-                    change = max(change, abs(new - p[a]) * np.sqrt(G[a, a]))
-                    u += G[:, a] * (new - p[a])
-                    p[a] = new
-                continue
-            stiff = 0.5 * (G[a, a] + G[b, b]) + np.sqrt(0.25 * (G[a, a] - G[b, b]) ** 2 + G[a, b] ** 2)
-            if stiff <= 0.0:
-                continue
-            x, y = _into_set(facets[j], numbers[j, 1], bound, p[a] - u[a] / stiff, p[b] - u[b] / stiff)
-            change = max(change, max(abs(x - p[a]), abs(y - p[b])) * np.sqrt(stiff))
-            u += G[:, a] * (x - p[a]) + G[:, b] * (y - p[b])
-            p[a], p[b] = x, y
-        if change <= _SOLVED * size:
-            return True
-    return False
