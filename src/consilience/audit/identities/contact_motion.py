@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -165,4 +166,6 @@ def _limit(
     for softer in found[len(steps) :]:
         shift = softer - levels[-1]
         levels, guard = [level - shift for level in levels], guard + SAFETY[1] * largest(shift)
-    return limit_of_levels(levels, steps, 1, guard)
+    # an event comes anywhere within a step: the spread of the levels tells their error, not a ratio of differences
+    spread = max((largest(fine - rough) for rough, fine in pairwise(levels)), default=0.0)
+    return limit_of_levels(levels, steps, 1, guard + SAFETY[1] * spread)
