@@ -38,6 +38,9 @@ from consilience_mujoco.translate import Translation
 HARD, SOFT = 1e-6, 1e12
 """Regularisation over the inverse inertia of a contact that sticks, and of one that slides."""
 
+_HELD = 1e-12
+"""Inverse inertia along a normal, over that of all bodies, up to which joints hold its gap."""
+
 _GUESS = 10.0
 """First guess of a normal force times the inverse inertia, m/s^2."""
 
@@ -166,6 +169,8 @@ class ContactInstant:
             if rate < -_AT_REST:
                 raise EngineWarningError(f"contact '{touch.part.name}' closes at {-rate:.3g} m/s: that is an impact")
             A = float(n @ J @ np.linalg.solve(M, n @ J))
+            if _HELD / float(np.sum(model.body_mass)) >= A:
+                continue  # the joints hold its gap: its force is open, and moves nothing
             u = u - rate * n
             slides = touch.part.friction > 0.0 and np.linalg.norm(u) > _AT_REST
             slip = u / np.linalg.norm(u) if slides else None

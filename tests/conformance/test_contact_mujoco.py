@@ -21,6 +21,7 @@ from consilience.mechanism import (
     SphereSphere,
     Stop,
     initial_state,
+    quaternion_from_rotation,
     rotation_with_z_axis,
 )
 from contact_problems import (
@@ -150,6 +151,17 @@ def test_a_ball_at_rest_in_a_trough_sticks_where_some_forces_hold_it():
     total = found[2].sum(axis=0)
     truth = [1.86400978112489, 0.0, 0.0], [-2.98241564979983, 0.0, 18.4367692198195]
     close((found[0], total), truth, 1e-9)
+
+
+def test_a_contact_across_a_guide_that_holds_it_leaves_the_motion_alone():
+    """A smooth ball on a slide down an incline touches the floor: the slide carries it, or both in any shares."""
+    smooth, state = LAB.free_body(2.0, BALL, incline(20.0), [LAB.sphere(0.1)]), LAB.state([0, 0, 0.1], [0, 0, 0])
+    along, drawn = LAB.axes[:, [1, 2, 0]], smooth.bodies[0].drawing  # z of the joint is x of the lab
+    slide = Joint("slide", "prismatic", GROUND, "body", Frame(drawn.p, along), Frame(np.zeros(3), drawn.R.T @ along))
+    state = replace(state, p_WB=drawn.p[None], quat_WB=quaternion_from_rotation(drawn.R)[None])
+    floor = replace(smooth.contacts[0], point=drawn.p + drawn.R @ LAB.com - 0.1 * LAB.axes[:, 2])
+    held = replace(smooth, joints=(slide,), contacts=(floor,))
+    close(instant(held, state)[0], np.array([G * np.sin(np.radians(20.0)), 0.0, 0.0]), 1e-12)
 
 
 def test_an_instant_of_an_impact_is_refused():

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from consilience import Drawing
 from consilience.case import load_case
 from consilience.errors import CannotAssemble, InvalidInput
 from consilience.mechanism import (
@@ -423,6 +424,17 @@ def test_a_beam_clamped_at_both_ends_has_nothing_determined():
     assert not determinate_reactions(mechanism, initial_state(mechanism)).any()
     hung = replace(mechanism, joints=joints[:1])
     assert determinate_reactions(hung, initial_state(hung)).all()
+
+
+def test_a_rod_whose_ends_meet_on_the_way_is_refused_by_name():
+    """There the rod has no direction to grow in."""
+    draw = Drawing("string", gravity=[0.0, 0.0, -9.81])
+    draw.body("bob", mass=1.0, inertia=[0.1, 0.2, 0.2], at=[0.0, 0.0, -1.0])
+    draw.joint("rod", "rod", "ground", "bob", at=[0.0, 0.0, 0.0], to=[0.0, 0.0, -1.0])
+    mechanism = draw.mechanism()
+    met = replace(drawing_state(mechanism), p_WB=np.zeros((1, 3)))
+    with pytest.raises(CannotAssemble, match="the ends of a rod meet"):
+        assemble_positions(mechanism, met)
 
 
 def test_a_search_for_states_that_finds_none_ends(monkeypatch):

@@ -225,6 +225,12 @@ def newton_iterates(
             yield NewtonIterate(state, residual, residual, longest, scale)
             return
         jacobian = _jacobian(mechanism, state, held, t, angles) * columns / rows[:, None]
+        if not np.all(np.isfinite(jacobian)):
+            raise CannotAssemble(
+                f"mechanism '{mechanism.name}': assembly",
+                "it leads to a pose at which the ends of a rod meet, and its direction is lost",
+                "Draw the mechanism closer to an assembled pose.",
+            )
         step = np.linalg.lstsq(jacobian, -residual, rcond=RANK_TOLERANCE)[0]
         yield NewtonIterate(state, residual, residual + jacobian @ step, longest, scale)
         longest = largest_residual(columns * step)

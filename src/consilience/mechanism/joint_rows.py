@@ -162,7 +162,7 @@ def row_jacobians(frames: JointFrames, rows: Sequence[str]) -> Array:
             x, y, z = plain_cross(arm, u)
             found.append([-u[0], -u[1], -u[2], -x, -y, -z, *u, *plain_cross(s_j, u)])
         elif row == "L":
-            e = frames.d / np.linalg.norm(frames.d)
+            e = frames.d / (np.linalg.norm(frames.d) or np.nan)  # none where the ends meet
             found.append([*-e, *-cross(frames.s_i, e), *e, *cross(frames.s_j, e)])
         else:
             turned = frames.pitch / TURN * coordinate_jacobian(frames, "angle")
