@@ -239,6 +239,16 @@ def test_a_step_that_does_not_divide_the_sample_interval_is_refused(engine, step
                 engine.trajectory(mechanism, state, np.arange(3) * 0.05, method, step)
 
 
+def test_sample_times_at_unequal_intervals_are_refused(engine):
+    """The step of an engine divides the first interval alone: what came out would be a motion at other times."""
+    mechanism = ALL["four_bar"]
+    (state,) = states_of(mechanism, 1)
+    for method in engine.methods(mechanism, Question.TRAJECTORY):
+        if method.substeps:
+            with pytest.raises(InvalidInput, match="sample intervals from 0.05 to 0.07 s"):
+                engine.trajectory(mechanism, state, np.array([0.0, 0.05, 0.12]), method, 0.05)
+
+
 def test_a_weld_on_a_slide_carries_the_weight_along_it(engine):
     """One coordinate, and a weld that holds it: no acceleration, no freedom, along the slide a reaction of m g . z."""
     base = ALL["single_prismatic"]

@@ -189,9 +189,13 @@ def steps_per_sample(times: Array, step: float) -> int:
     Raises
     ------
     InvalidInput
-        The step is not positive, longer than the interval, or does not divide the interval.
+        The intervals differ; the step is not positive, longer than the interval, or does not divide the interval.
     """
-    interval = float(times[1] - times[0])
+    intervals = np.diff(times)
+    interval = float(intervals[0])
+    if np.ptp(intervals) > WHOLE * interval:
+        told = f"sample intervals from {np.min(intervals):g} to {np.max(intervals):g} s"
+        raise InvalidInput("times", told, "Give a uniform grid: an engine's step divides one interval.")
     ratio = interval / step if step > 0.0 else 0.0
     count = round(ratio) if np.isfinite(ratio) else 0
     if count < 1 or abs(ratio - count) > WHOLE * count:
