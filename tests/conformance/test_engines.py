@@ -245,7 +245,7 @@ def test_sample_times_at_unequal_intervals_are_refused(engine):
     (state,) = states_of(mechanism, 1)
     for method in engine.methods(mechanism, Question.TRAJECTORY):
         if method.substeps:
-            with pytest.raises(InvalidInput, match="sample intervals from 0.05 to 0.07 s"):
+            with pytest.raises(InvalidInput, match=r"sample intervals from 0\.05 to 0\.07 s"):
                 engine.trajectory(mechanism, state, np.array([0.0, 0.05, 0.12]), method, 0.05)
 
 
