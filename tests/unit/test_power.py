@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from consilience.case import Case
+from consilience.case import Case, load_case
 from consilience.compare.judge import judge_case
 from consilience.compare.motion import size_of_motion
 from consilience.compare.power_of_bars import with_power
@@ -189,3 +189,14 @@ def test_the_export_has_a_column_of_it_and_earlier_records_are_read():
     line = comparison("c", "alpha", "trajectory")
     del line["power"]
     assert checked(line)["power"] == []
+
+
+def test_contact_forces_have_power_at_the_first_states():
+    """Errors are asked about at fewer states than the engine: masks of forces must be those of the same states."""
+    case = replace(load_case("rocking_block"), instants=4)
+    runs = list(ask_case(REFERENCE, case, (Question.INSTANT,)))
+    assert min(len(r.answer.kinetic) for r in runs if r.perturbation is not None) < 4
+    engine = [replace(r, engine="e") for r in runs if r.perturbation is None]
+    found = next(c for c in judge_case(case, [*runs, *engine]) if c.engine == "e")
+    assert found.verdict is Verdict.AGREES
+    assert {power.kind for power in found.power} >= {"gravity"}

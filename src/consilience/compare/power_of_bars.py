@@ -75,5 +75,6 @@ def at_first_states(answer: InstantAnswer, count: int) -> InstantAnswer:
 
 
 def instants_at_first_states(instants: Instants, count: int) -> Instants:
-    """Return the conditions of the first states alone."""
-    return replace(instants, condition=instants.condition[:count], determined=instants.determined[:count])
+    """Return the properties of the first states alone."""
+    of_states = ("condition", "determined", "determined_pairs")
+    return replace(instants, **{name: getattr(instants, name)[:count] for name in of_states})
