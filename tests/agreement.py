@@ -21,6 +21,9 @@ FIELDS = ("case", "engine", "model", "motion", "digits", "method")
 FAR = 1.0
 """Change in digits from which on a motion has moved; rounding alone changes less."""
 
+SURE = 12.0
+"""Digits beyond which a difference is rounding, another one on every kind of processor."""
+
 ABOUT = """\
 # Agreement
 
@@ -68,9 +71,10 @@ def moved(kept, now):
         old = before[key]
         where = f"{cell['case']} on {cell['engine']}"
         yield from (f"{where}, {n}: {old[n]} -> {cell[n]}" for n in ("model", "motion") if old[n] != cell[n])
-        digits = old["digits"], cell["digits"]
-        if None not in digits and abs(digits[1] - digits[0]) >= FAR:
-            yield f"{where}, digits: {digits[0]:.1f} -> {digits[1]:.1f}"
+        if None not in (old["digits"], cell["digits"]):
+            then, today = (min(one["digits"], SURE) for one in (old, cell))
+            if abs(today - then) >= FAR:
+                yield f"{where}, digits: {old['digits']:.1f} -> {cell['digits']:.1f}"
 
 
 def git(*words):

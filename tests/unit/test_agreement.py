@@ -28,6 +28,10 @@ def test_a_cell_has_moved_by_a_verdict_or_a_digit_in_the_same_version(now, told)
     assert list(agreement.moved(kept(), now)) == told
 
 
+def test_rounding_does_not_move_a_cell():
+    assert list(agreement.moved(kept(digits=15.6), kept(digits=13.1))) == []
+
+
 def test_what_is_kept_is_read_again(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(agreement, "FOLDER", tmp_path)
     monkeypatch.setattr(agreement, "git", lambda *words: "" if words[0] == "status" else "0123456789abcdef")
