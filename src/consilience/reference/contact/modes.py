@@ -101,6 +101,13 @@ class _ModeTrial:
             return ("sliding", "sticking", "halted", "unopposed", "released")
         return ("sticking", "starting", "released")
 
+    def started(self, modes: tuple[str, ...]) -> tuple[str, ...]:
+        """Return the modes in which what slides after the impact alone starts to."""
+        return tuple(
+            "starting" if mode == "sliding" and not slides else mode
+            for mode, slides in zip(modes, self.slides, strict=True)
+        )
+
     def solve(self, modes: tuple[str, ...]) -> _Solved:
         """Solve the equations of given modes."""
         starting = [k for k, mode in enumerate(modes) if mode == "starting"]
@@ -247,18 +254,15 @@ def solve_modes(
     found = _by_exchange(trial, preferred) or _by_enumeration(trial)
     if found is not None:
         return found
-    guess = None
+    told = ""
     for guess in guesses:
-        found = _by_exchange(
-            trial,
-            tuple("starting" if m == "sliding" and not s else m for m, s in zip(guess, trial.slides, strict=True)),
-        )
+        found = _by_exchange(trial, trial.started(guess))
         if found is not None:
             return found
+        told = MOREAU
     raise NumericalFailure(
         f"impact at t = {time:.12g} s: no combination of sliding, sticking and released contacts is admissible "
-        f"for {', '.join(law.names)}: the bodies are wedged, or restitution asks for what the joints forbid"
-        f"{MOREAU if guess else ''}"
+        f"for {', '.join(law.names)}: the bodies are wedged, or restitution asks for what the joints forbid{told}"
     )
 
 
