@@ -1,10 +1,12 @@
 """The first screen of a report: engines, what to look at first, and the matrix with its two channels."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import consilience.report
 from consilience.compare import Verdict
 from consilience.report.findings import signs
 from consilience.report.html import render_html
@@ -203,3 +205,15 @@ def test_filled_statuses_stay_apart_for_every_eye(seen, theme):
     for n, one in enumerate(points):
         for other in points[:n]:
             assert np.linalg.norm(one - other) >= 29.0
+
+
+def test_a_class_has_its_look_from_one_sheet():
+    """A class that stands alone in two sheets is two things of one name: the later one spoils the earlier."""
+    sheets = Path(consilience.report.__file__).parent / "templates"
+    found = []
+    for name in ("style", "style_first", "style_parts"):
+        text = re.sub(r"@media[^{]*\{(?:[^{}]|\{[^{}]*\})*\}", "", (sheets / f"{name}.css.j2").read_text("utf-8"))
+        alone = {part.strip() for rule in re.findall(r"([^{}]+)\{", text) for part in rule.split(",")}
+        found += [part for part in alone if re.fullmatch(r"\.[a-z-]+", part)]
+    assert len(found) > 30
+    assert not {part for part in found if found.count(part) > 1}
