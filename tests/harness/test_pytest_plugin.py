@@ -5,8 +5,6 @@ import shlex
 import sys
 from pathlib import Path
 
-# imported once here: a pytest run within a test forgets its imports, and the plug-in of Hypothesis takes seconds
-import hypothesis  # noqa: F401
 import pytest
 
 import consilience.pytest_plugin.items
@@ -61,7 +59,8 @@ reason = "the first body floats"
 def project(pytester, monkeypatch):
     """A project folder with a case, in which the miniature engines are installed."""
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(PLUGINS), *sys.path[1:]]))
-    monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)
+    # Hypothesis, used by tests of this process before, would warn that it was used before a run within a test began
+    monkeypatch.setenv("PYTEST_ADDOPTS", "-p no:hypothesispytest")
     folder = pytester.path / "cases" / "mine"
     folder.mkdir(parents=True)
     (folder / "first.toml").write_text(CASE)
