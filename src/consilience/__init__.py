@@ -146,13 +146,11 @@ def simulate(
     ------
     InvalidInput, CannotAssemble, NumericalFailure
     """
-    import numpy as np  # noqa: PLC0415 - names of the library are imported at their first use
+    # names of the library are imported at their first use, and here where they are used: each costs a microsecond
+    import numpy as np  # noqa: PLC0415
 
-    from consilience.errors import InvalidInput  # noqa: PLC0415
     from consilience.mechanism import Mechanism  # noqa: PLC0415
-    from consilience.reference import initial_state  # noqa: PLC0415
     from consilience.reference import simulate as integrate  # noqa: PLC0415
-    from consilience.reference.contact import simulate_with_contacts  # noqa: PLC0415
     from consilience.report.simulation import Simulation  # noqa: PLC0415
 
     if not isinstance(mechanism, Mechanism):
@@ -161,15 +159,22 @@ def simulate(
         state = case.initial_state if state is None else state
         times = case.times if times is None else times
     if times is None:
+        from consilience.errors import InvalidInput  # noqa: PLC0415
+
         raise InvalidInput("times", "they are missing", "Give sample times in s, for example numpy.linspace(0, 2, 41).")
-    start = initial_state(mechanism) if state is None else state
+    if state is None:
+        from consilience.reference import initial_state  # noqa: PLC0415
+
+        state = initial_state(mechanism)
     form = formulation or ("relative" if forces is None else "descriptor")
     grid = np.asarray(times, dtype=float)
     touches = mechanism.contacts or mechanism.stops or mechanism.dry_frictions
     if touches and formulation is None and forces is None:
-        answer = simulate_with_contacts(mechanism, start, grid, tolerance)[0]
+        from consilience.reference.contact import simulate_with_contacts  # noqa: PLC0415
+
+        answer = simulate_with_contacts(mechanism, state, grid, tolerance)[0]
     else:
-        answer = integrate(mechanism, start, grid, tolerance, form, integrator, forces, assemble)
+        answer = integrate(mechanism, state, grid, tolerance, form, integrator, forces, assemble)
     return Simulation.of(mechanism, answer)
 
 

@@ -344,11 +344,13 @@ def with_own_arrays(given: TreeSystem) -> TreeSystem:
 
 
 def persistent_arrays(used: TreeSystem, given: TreeSystem) -> list[tuple[Array, Array]]:
-    """Return pairs of arrays that one motion would leave changed for the next, and their initial values.
+    """Return pairs of arrays that one motion would leave changed for the next, and their initial values, as bytes.
 
-    Links and free directions are among them: their constants may be those of another parameter set.
+    Links and free directions are among them: their constants may be those of another parameter set. NumPy copies
+    records field by field, bytes at once.
     """
-    return list(zip(_persistent(used), _persistent(given), strict=True))
+    used_bytes, given_bytes = ([own.view(np.uint8) for own in _persistent(arrays)] for arrays in (used, given))
+    return list(zip(used_bytes, given_bytes, strict=True))
 
 
 def _persistent(arrays: TreeSystem) -> list[Array]:
