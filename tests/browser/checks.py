@@ -3,7 +3,7 @@
 import json
 import statistics
 
-from opened import until
+from opened import DRAWN, until
 
 FIRST_VIEW = 1.5
 FILTERED = 0.1
@@ -101,6 +101,7 @@ def replay(opened, view, told):
         place = page.locator("#page .replay")
         if not place.count():
             continue
+        place.scroll_into_view_if_needed()
         page.wait_for_selector("#page .replay canvas")
         tried += 1
         if tried > 3:
@@ -253,9 +254,9 @@ def printing(opened, view, told):
         joint,
     ):
         opened.go(f"#{anchor}" if anchor else "")
-        opened.plots_drawn()
         page.emulate_media(media="print")
         page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+        until(page, DRAWN)  # also those that nobody has come near
         page.wait_for_timeout(400)
         shown += 1
         yield from (f"#{anchor}: cut: {text}" for text in page.evaluate(CUT)[:5])

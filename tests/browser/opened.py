@@ -12,6 +12,11 @@ NAMES = ("chromium", "chromium-browser", "google-chrome")
 # WebGL without a graphics card
 SOFTWARE = ("--no-sandbox", "--enable-unsafe-swiftshader", "--use-angle=swiftshader")
 
+LEFT = "document.querySelector('#page [data-figure]:not(:has(.main-svg))')"
+"""The first plot that is not drawn yet."""
+
+DRAWN = f"!{LEFT}"
+
 
 def chromium():
     """Path of the system's Chromium, so that Playwright's own need not be downloaded."""
@@ -87,10 +92,9 @@ class Opened:
         return [f"{v['id']}: {v['help']}: {n['target']} {n['html'][:160]}" for v in found for n in v["nodes"][:3]]
 
     def plots_drawn(self):
-        """Wait until all plots of the page are drawn; return their number."""
-        until(
-            self.page, "[...document.querySelectorAll('#page [data-figure]')].every(p => p.querySelector('.main-svg'))"
-        )
+        """Go to each plot of the page until it is drawn, and back to the top; return their number."""
+        until(self.page, f"{DRAWN} || {LEFT}.scrollIntoView()")
+        self.page.evaluate("window.scrollTo(0, 0)")
         return self.page.locator("#page [data-figure]").count()
 
 

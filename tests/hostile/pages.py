@@ -5,6 +5,7 @@ import json
 import re
 from base64 import b64decode
 from html.parser import HTMLParser
+from itertools import accumulate
 from xml.etree import ElementTree
 
 from consilience.report.picture import DARK
@@ -70,10 +71,32 @@ class Elements(HTMLParser):
         self.tags.add(f"instruction {data[:40]}")
 
 
+def unpacked(page, name):
+    """Text of a packed element, as the script of the page unpacks it."""
+    pack = re.search(rf'<script type="application/gzip" id="{name}">([A-Za-z0-9+/=]*)</script>', page)[1]
+    return gzip.decompress(b64decode(pack)).decode()
+
+
 def opened(page):
-    """Contents of the unfolded parts of a page by anchor, unpacked as the script of the page does."""
-    pack = re.search(r'<script type="application/gzip" id="pages">([A-Za-z0-9+/=]*)</script>', page)[1]
-    return json.loads(gzip.decompress(b64decode(pack)))
+    """Contents of the unfolded parts of a page by anchor."""
+    pack = json.loads(unpacked(page, "pages"))
+    return {name: "\n".join(pack["lines"][n] for n in numbers) for name, numbers in pack["pages"].items()}
+
+
+def plotted(page):
+    """Figures of a page by the place that each is drawn in, their curves as numbers."""
+    pack = json.loads(unpacked(page, "figures"))
+    curves = [curve(**given) for given in pack["curves"]]
+    for trace in (trace for figure in pack["figures"].values() for trace in figure["data"]):
+        trace |= {axis: curves[trace[axis]] for axis in ("x", "y") if axis in trace}
+    return pack["figures"]
+
+
+def curve(log, level, changes):
+    """Numbers of a curve, None in its gaps."""
+    sums = accumulate(change or 0 for change in changes)
+    numbers = (10.0 ** (level * n) if log else level * n for n in sums)
+    return [None if change is None else number for change, number in zip(changes, numbers, strict=True)]
 
 
 def check_html(page, script):

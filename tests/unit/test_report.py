@@ -19,8 +19,9 @@ from consilience.engine import Profile, Question, Route
 from consilience.errors import InvalidInput
 from consilience.report import wording
 from consilience.report.cases import unwrapped
-from consilience.report.html import OF_CASE, packed, render_html
+from consilience.report.html import OF_CASE, render_html
 from consilience.report.markdown import render_markdown
+from consilience.report.packs import packed
 from consilience.report.pages import write_pages
 from consilience.report.plots import compact, figures
 from consilience.report.record import Record, exit_code, lines
@@ -30,6 +31,7 @@ from consilience.report.summary import legend, matrix
 from consilience.report.templating import template_environment
 from consilience.report.view import page
 from consilience.suite import Results
+from hostile.pages import opened, plotted, unpacked
 
 HOSTILE = '<script>alert(1)</script> | `x` & "y" [a](b)'
 VOID = {"col", "meta", "br", "link", "img", "hr", "input"}
@@ -362,8 +364,7 @@ class Structure(HTMLParser):
 def whole(given, replays=None):
     """Return the text of a page and of all pages packed into it, each as an element."""
     text = render_html(given, replays)
-    opened = json.loads(unpacked(text, "pages"))
-    return text + "".join(f'<div id="{name}">{html}</div>' for name, html in opened.items())
+    return text + "".join(f'<div id="{name}">{html}</div>' for name, html in opened(text).items())
 
 
 def cell_of(view, engine):
@@ -524,11 +525,17 @@ def test_the_page_fetches_nothing_and_holds_plotly_once(everything):
 def test_every_place_of_a_plot_has_its_figure_and_plotly_takes_it(name, request):
     given = request.getfixturevalue(name)
     text = whole(given)
-    found = json.loads(unpacked(text, "figures"))
-    assert found == figures(given)
-    assert set(Structure(text).figures) == set(found)
-    for figure in found.values():
+    found, given_figures = plotted(text), figures(given)
+    assert set(Structure(text).figures) == set(found) == set(given_figures)
+    for place, figure in found.items():
+        assert shape_of(figure) == shape_of(given_figures[place])
         go.Figure(figure)
+
+
+def shape_of(figure):
+    """Return a figure with the number of samples in place of its curves, whose values are in `test_packs`."""
+    data = [t | {axis: len(t[axis]) for axis in ("x", "y") if axis in t} for t in figure["data"]]
+    return figure | {"data": data}
 
 
 def test_figures_have_a_colour_a_method_a_dash_a_level_and_gaps_for_zeros(everything):
@@ -550,12 +557,6 @@ def test_names_are_text_in_html(hostile):
     assert HOSTILE in "".join(structure.text)
     plotted = figures(hostile)[f"work.{wording.anchor(HOSTILE)}"]["data"]
     assert all("<" not in trace["name"] for trace in plotted)
-
-
-def unpacked(page, name):
-    """Return the decoded content of a packed element, as the script of the page decodes it."""
-    found = re.search(rf'<script type="application/gzip" id="{name}">([A-Za-z0-9+/=]*)</script>', page).group(1)
-    return gzip.decompress(base64.b64decode(found)).decode()
 
 
 def test_no_character_of_what_is_packed_can_end_its_element():

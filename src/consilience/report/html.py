@@ -6,10 +6,7 @@ they are first opened.
 
 from __future__ import annotations
 
-import gzip
-import json
 import re
-from base64 import b64encode
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
@@ -24,6 +21,7 @@ from consilience.mechanism import GROUND
 from consilience.report.cells import Cell
 from consilience.report.curves import KINDS
 from consilience.report.figure import COLOURS
+from consilience.report.packs import packed, packed_figures, packed_json, packed_pages
 from consilience.report.phase_strips import phase_chart
 from consilience.report.picture import drawn
 from consilience.report.plots import figures
@@ -41,11 +39,6 @@ OF_CELL = ("difference", "energy")
 OF_CASE = ("horizon", "work", "steps", *KINDS, "drift")
 OF_CASE_IN_CELL = ("steps", "work", "reactions", "drift")
 """Kinds of figures in the order of the page."""
-
-
-def packed(text: str) -> Markup:
-    """Compress text for a script element that the page unpacks; base64 cannot end the element."""
-    return Markup(b64encode(gzip.compress(text.encode(), compresslevel=6, mtime=0)).decode())
 
 
 def shown(value: object) -> object:
@@ -82,9 +75,9 @@ def render_html(record: Record, replays: Replays | None = None) -> str:
     replays, view = replays or {}, page(record)
     drawings = figures(record) | replay_figures(record, replays)
     packs = [
-        ("pages", packed(_json(dict(fragments(view, replays, set(drawings)))))),
-        ("figures", packed(_json(drawings))),
-        ("replays", packed(_json(replay_data(view, replays)))),
+        ("pages", packed_pages(fragments(view, replays, set(drawings)))),
+        ("figures", packed_figures(drawings)),
+        ("replays", packed_json(replay_data(view, replays))),
         ("plotly", plotly_pack()),
         ("three", three_pack()),
     ]
@@ -139,7 +132,7 @@ def replay_data(view: Page, replays: Replays) -> dict[str, Any]:
 def render_replay(name: str, title: str, replay: Replay) -> str:
     """Render the self-contained page of one case in motion."""
     packs = [
-        ("replays", packed(_json({"colours": COLOURS, "engines": [], "cases": {name: replay}}))),
+        ("replays", packed_json({"colours": COLOURS, "engines": [], "cases": {name: replay}})),
         ("three", three_pack()),
     ]
     how = replay["motion"]["reference"]["how"]
@@ -165,7 +158,3 @@ def _drawing(name: str, title: str, replay: Replay | None) -> Markup | None:
     pairs = [joint["between"] for joint in replay["scene"]["joints"]]
     # the template of the picture has escaped all names
     return Markup(drawn(figure_of_scene(replay["scene"]), pairs, f"{name}: {title}"))
-
-
-def _json(value: object) -> str:
-    return json.dumps(value, separators=(",", ":"), allow_nan=False)
