@@ -19,19 +19,18 @@ from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
 
-TYPES = ("loop_universal", "forced_chain", "long_chain", "four_bar", "single_revolute")
-"""Mechanisms whose kernels in relative coordinates differ in type, slowest to compile first.
-
-In space with loops, with elements, as a plain tree; in a plane with loops and without.
-"""
+CHAINS = (
+    # joint coordinates: in space with loops, with elements, as a plain tree; in a plane with loops and without
+    ("loop_universal", "forced_chain", "long_chain", "four_bar", "single_revolute"),
+    ("states", "body coordinates", "recursive", "contact"),
+)
+"""Sets of kernels by the process that compiles them, in order: sets with many kernels in common follow one another."""
 
 BODY = "single_revolute"
 """Mechanism for formulations in body coordinates: the types are the same for all mechanisms."""
 
 TOUCHING = ("bouncing_sphere", "ball_in_corner-stays", "ball_rolls")
 """Cases with contact: a motion through impacts, and forces that are chosen among many."""
-
-SETS = ("contact", *TYPES, "states", "body coordinates", "recursive")
 
 
 def _motions(mechanism):
@@ -108,10 +107,14 @@ def compile_set(name):
         _motions((PLANAR | TREES | LOOPS)[name])
 
 
-def compile_all(processes: int = 2) -> None:
+def compile_all() -> None:
     """Compile every set; ignore errors, because the tests that use the kernel report them in more detail."""
-    with ProcessPoolExecutor(processes, get_context("spawn")) as pool:
-        for name, found in [(name, pool.submit(compile_set, name)) for name in SETS]:
+    with contextlib.ExitStack() as stack:
+        pools = [stack.enter_context(ProcessPoolExecutor(1, get_context("spawn"))) for _ in CHAINS]
+        sets = {
+            name: pool.submit(compile_set, name) for pool, chain in zip(pools, CHAINS, strict=True) for name in chain
+        }
+        for name, found in sets.items():
             if found.exception() is not None:
                 print(f"kernels of {name} are not compiled: {found.exception()!r}", file=sys.stderr)
 
