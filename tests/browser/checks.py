@@ -164,21 +164,37 @@ def copying(opened, view, told):
     told(f"copy buttons of {len(anchors)} pages")
 
 
+OUT = """() => [...document.querySelectorAll('.matrix :is(td, thead th), .engines :is(th, td)')].filter((place) => {
+  const box = place.getBoundingClientRect();
+  return [...place.querySelectorAll('*')].some((e) => {
+    const own = e.getBoundingClientRect();
+    return own.width && (own.left < box.left - 1 || own.right > box.right + 1 || own.bottom > box.bottom + 1);
+  });
+}).map((place) => place.textContent.trim().replace(/\\s+/g, ' '))"""
+"""Places of the tables that something sticks out of."""
+
+
 def first_screen(opened, view, told):
     """Before any scrolling: the headline, a row for each engine, what to look at, and the matrix begins."""
     page = opened.go()
-    page.set_viewport_size({"width": 1280, "height": 800})
     if page.inner_text(".lead h2") != view.headline:
         yield "another headline"
     places = {
-        "engines": ".engines tbody tr:last-child",
+        "engines": ".engines tbody tr:last-child td:last-child",
         "look first": ".first li:last-child",
         "matrix": ".matrix tbody tr",
     }
-    ends = {name: page.locator(where).first.bounding_box() for name, where in places.items()}
-    below = [name for name, box in ends.items() if box["y"] + box["height"] > 800]
-    yield from (f"{name} is below 800 px" for name in below)
-    told(", ".join(f"{name} at {box['y']:.0f} px" for name, box in ends.items()))
+    if not view.look_first.lines:
+        del places["look first"]
+    for width, height, wanted in ((1280, 800, places), (375, 2 * 812, places.keys() - {"matrix"})):
+        page.set_viewport_size({"width": width, "height": height})
+        ends = {}
+        for name in wanted:
+            box = page.locator(places[name]).first.bounding_box()
+            ends[name] = box["y"] + box["height"]
+        yield from (f"{name} ends below {height} px at {width} px" for name, end in ends.items() if end > height)
+        yield from (f"at {width} px something sticks out of '{text}'" for text in page.evaluate(OUT)[:5])
+        told(f"{width} px: {', '.join(f'{name} to {end:.0f} px' for name, end in ends.items())}")
 
 
 def sorting(opened, view, told):

@@ -204,12 +204,20 @@ def report(tmp_path_factory):
 
 
 @needs_browser
-def test_a_page_with_an_error_in_its_script_fails_the_browser(report, tmp_path):
-    command = [sys.executable, str(HERE.parent / "browser"), "--only", "keyboard"]
+@pytest.mark.parametrize(
+    ("check", "end", "fault"),
+    [
+        ("keyboard", "</script>", ";throw new Error('planted')"),
+        # a class of another part of the page, which squeezes the key above the matrix
+        ("first_screen", "</style>", ".key { display: inline-block; width: 1.4em; }"),
+    ],
+)
+def test_a_page_with_a_fault_fails_the_browser(report, tmp_path, check, end, fault):
+    command = [sys.executable, str(HERE.parent / "browser"), "--only", check]
     bad = tmp_path / "bad"
     shutil.copytree(report, bad)
     text = (bad / "report.html").read_text(encoding="utf-8")
-    (bad / "report.html").write_text(text.replace("</script>", ";throw new Error('planted')</script>"))
+    (bad / "report.html").write_text(text.replace(end, fault + end))
     for folder, code in ((report, 0), (bad, 1)):
         file = str(folder / "report.html")
         done = subprocess.run([*command, file], capture_output=True, text=True, timeout=300, check=False)

@@ -64,6 +64,15 @@ def test_few_digits_are_no_colour_and_another_model_is():
     assert (other.tint, [m.text for m in other.marks]) == ("differs", ["instant 9.5"])
 
 
+def test_every_symbol_of_the_matrix_is_in_its_key():
+    unlike = [v for v in Verdict if v not in (Verdict.AGREES, Verdict.DISCRETISATION)]
+    given = record_of([comparison(f"arm{n}", "alpha", "instant", verdict) for n, verdict in enumerate(unlike)])
+    (key,) = re.findall(r'<p class="key.*?</p>', render_html(given), re.DOTALL)
+    marks = [mark for row in page(given).rows for tile in row.tiles for mark in tile.marks]
+    assert {mark.look.verdict for mark in marks} == set(unlike)
+    assert [mark.look.symbol for mark in marks if mark.look.symbol not in key] == []
+
+
 @pytest.mark.parametrize(
     ("verdict", "symbol", "tint"),
     [

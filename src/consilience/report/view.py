@@ -68,6 +68,12 @@ class Page:
         return [cell for case in self.cases for cell in case.cells]
 
     @property
+    def soft(self) -> bool:
+        """Whether a cell of the matrix is marked for soft constraints."""
+        marks = [mark for row in self.rows for tile in row.tiles for mark in tile.marks]
+        return any(mark.look is LOOKS[Verdict.REGULARISATION] for mark in marks)
+
+    @property
     def tags(self) -> list[tuple[str, int]]:
         """Tags with the number of their cases, the most frequent first."""
         count = Counter(tag for case in self.cases for tag in case.tags)
