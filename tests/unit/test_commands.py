@@ -113,3 +113,10 @@ def test_a_typical_mistake(folder, name):
     done = called(name, *words.split(), cwd=folder, columns=COLUMNS, to_terminal=True)
     assert done.returncode == 2
     assert expected in told(done)
+
+
+@pytest.mark.parametrize(("words", "expected"), [("", "doctor"), ("explain", "horizon"), ("plot --help", "reactions")])
+def test_what_a_newcomer_types_to_look_around(folder, words, expected):
+    done = called(*words.split(), cwd=folder, columns=COLUMNS, to_terminal=True)
+    assert done.returncode == 0
+    assert expected in told(done)

@@ -91,6 +91,10 @@ class _LazyCommand(typer.core.TyperCommand):
 class _Commands(typer.core.TyperGroup):
     """The group of all commands; completion in a shell imports the command whose arguments it completes."""
 
+    def parse_args(self, context: Any, words: list[str]) -> list[str]:
+        """Ask for help where there is no word."""
+        return super().parse_args(context, words or ["--help"])
+
     def format_help(self, context: Any, formatter: Any) -> None:
         """Write plain help, as the commands do: it is there in half the time. Errors keep their frames."""
         self.rich_markup_mode = None
@@ -115,7 +119,6 @@ def _tell_version(asked: bool) -> None:
 app = typer.Typer(
     cls=_Commands,
     help="Ask several multibody engines the same question and judge the answers.",
-    no_args_is_help=True,
     pretty_exceptions_enable=False,
     epilog=epilog(START),
 )

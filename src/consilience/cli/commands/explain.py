@@ -44,7 +44,7 @@ def explain(
     else:
         for topic in Topic:
             names = (f"{e.number} {e.name}" if e.number else e.name for e in entries if e.kind is topic)
-            out.print(f"[bold]{topic.title}[/bold]: {escape('; '.join(names))}", highlight=False, soft_wrap=True)
+            say(f"{topic.title}: {'; '.join(names)}")
 
 
 def _print(entry: Explanation) -> None:

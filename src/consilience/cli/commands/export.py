@@ -88,7 +88,9 @@ def export(
 def plot(
     run: Annotated[Path, typer.Argument(help="Folder that `consilience run` wrote.")],
     case: Annotated[str, typer.Argument(help="Name of a case of the run.")],
-    what: Annotated[PlotName, typer.Option("--what", help="What to draw.")] = PlotName.DIFFERENCE,
+    what: Annotated[
+        PlotName, typer.Option("--what", metavar="KIND", help=f"What to draw: {', '.join(PlotName)}.")
+    ] = PlotName.DIFFERENCE,
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", metavar="FILE", help="File: .svg, .pdf or .png; default: CASE-WHAT.svg."),
