@@ -53,6 +53,7 @@ campaign:
     for kind in cases extreme reports wire; do {{ bin }}/python tests/hostile/campaign.py --kind $kind --inputs 50000; done
     {{ bin }}/python tests/harness/contacts.py --mechanisms 300
     {{ bin }}/python tests/harness/kills.py --kills 200
+    {{ bin }}/python tests/harness/false_verdicts.py --mechanisms 500
     {{ bin }}/python tests/harness/release_campaign.py
 
 # the README's report, in report

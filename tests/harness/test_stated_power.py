@@ -1,11 +1,12 @@
-"""Stated power: errors of three times the stated size are caught, those of 0.3 times are passed over."""
+"""Stated power: errors of three times the stated size are caught, those of 0.3 times and correct engines are passed."""
 
 from dataclasses import replace
 
 import pytest
 from typer.testing import CliRunner
 
-from consilience.audit.mutate import stated_power
+from consilience.audit.mutate import false_verdicts, stated_power
+from consilience.audit.mutate.false_verdicts import LEAST, MOST, random_trials
 from consilience.audit.mutate.stated_power import FACTORS, PowerTrial, share, table, trials
 from consilience.case import load_case
 from consilience.cli.main import app
@@ -63,3 +64,16 @@ def test_the_command_writes_its_table(tmp_path, monkeypatch):
     found = CliRunner().invoke(app, ["mutate", "--power", "double_pendulum", "-e", "mujoco", "-o", str(tmp_path)])
     assert found.exit_code == 0, found.output
     assert "| e | instant | 1 | 100.0 % |" in (tmp_path / "power.md").read_text(encoding="utf-8")
+
+
+def test_random_mechanisms_get_no_false_verdict_and_errors_that_do_not_arrive_are_missed(monkeypatch):
+    seeds = range(60_001, 60_003)
+    found = list(random_trials(seeds, ["mujoco"]))
+    planted = [t for t in found if t.error]
+    assert {t.seed for t in found} == set(seeds)
+    assert 0 < len(planted) < len(found)
+    assert all(LEAST <= t.factor <= MOST for t in planted)
+    assert all(t.right for t in found), found
+    monkeypatch.setattr(false_verdicts.PlantedEngine, "ask", lambda self, request: self.handle.ask(request))
+    again = list(random_trials(seeds, ["mujoco"]))
+    assert [t.right for t in again] == [not t.error for t in found]

@@ -62,7 +62,7 @@ class PowerTrial:
 
 
 @dataclass(eq=False)
-class _PlantedEngine:
+class PlantedEngine:
     """An engine that gets every mechanism with one parameter off."""
 
     handle: EngineHandle
@@ -81,13 +81,13 @@ class _PlantedEngine:
 
 
 @dataclass(frozen=True, eq=False)
-class _JudgedEngine:
+class JudgedEngine:
     """An engine and the answers of the reference about one case."""
 
     asked: EngineCase
     references: Sequence[Run]
 
-    def compared(self, question: Question, method: Method, planted: _PlantedEngine | None = None) -> Comparison | None:
+    def compared(self, question: Question, method: Method, planted: PlantedEngine | None = None) -> Comparison | None:
         """Ask by a method as a suite does, with or without an error, and compare; None without a reference."""
         case = self.asked.case
         judge = question_judge(case, self.references, question)
@@ -118,7 +118,7 @@ def trials(
             if isinstance(plan, str):
                 continue
             asked = EngineCase(worker, case, plan, reference_motion=reference_motion(case, runs))
-            judged = _JudgedEngine(asked, runs)
+            judged = JudgedEngine(asked, runs)
             parameters = {p.of: p for p in physical_parameters(case.mechanism, case.initial_state)}
             for question in questions:
                 for method in plan.methods.get(question, ()):
@@ -127,7 +127,7 @@ def trials(
 
 
 def _trials(
-    judged: _JudgedEngine, question: Question, method: Method, parameters: dict[str, PhysicalParameter]
+    judged: JudgedEngine, question: Question, method: Method, parameters: dict[str, PhysicalParameter]
 ) -> Iterator[PowerTrial]:
     """Yield the trials of one method; none where the correct engine is not passed over."""
     stated, worker = judged.compared(question, method), judged.asked.worker
@@ -135,7 +135,7 @@ def _trials(
         return
     for power in stated.power:
         for factor in FACTORS if not power.missed else ():
-            planted = _PlantedEngine(worker, parameters[power.of], factor * power.limit, worker.engine)
+            planted = PlantedEngine(worker, parameters[power.of], factor * power.limit, worker.engine)
             found = judged.compared(question, method, planted)
             assert found is not None
             yield PowerTrial(
