@@ -221,7 +221,7 @@ def study(
 
 def simulate_many(
     case: Case | Mechanism | Drawing,
-    states: Sequence[State],
+    states: State | Sequence[State],
     duration: float | None = None,
     sample: float | None = None,
     tolerance: float = 1e-9,
@@ -231,7 +231,7 @@ def simulate_many(
     Parameters
     ----------
     case : Case, Mechanism or Drawing
-    states : sequence of State
+    states : State or sequence of State
         Consistent states at the time zero, for example of `random_states`.
     duration, sample, tolerance
         As in `study`.
@@ -242,13 +242,13 @@ def simulate_many(
         There are no states, or one is not of this mechanism. A state that is not consistent is in ``failures``.
     """
     from consilience.errors import InvalidInput  # noqa: PLC0415 - names of the library are imported at their first use
-    from consilience.mechanism import require_states  # noqa: PLC0415
+    from consilience.mechanism import State, require_states  # noqa: PLC0415
 
-    given = _case(case).with_span(duration, sample)
-    require_states(given.mechanism, states)
-    if not states:
+    given, starts = _case(case).with_span(duration, sample), [states] if isinstance(states, State) else list(states)
+    require_states(given.mechanism, starts)
+    if not starts:
         raise InvalidInput("states", "there are none", "Give a list of states, for example of random_states.")
-    return _motions(given, {}, False, [given.mechanism] * len(states), states, tolerance)
+    return _motions(given, {}, False, [given.mechanism] * len(starts), starts, tolerance)
 
 
 def _case(given: Case | Mechanism | Drawing) -> Case:

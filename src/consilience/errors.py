@@ -73,7 +73,10 @@ def require(value: object, kind: type, where: str, remedy: str) -> None:
     InvalidInput
     """
     if not isinstance(value, kind):
-        raise InvalidInput(where, f"it is a {type(value).__name__}, not a {kind.__name__}", remedy)
+        given, needed = (
+            f"{'an' if name[0] in 'AEIO' else 'a'} {name}" for name in (type(value).__name__, kind.__name__)
+        )
+        raise InvalidInput(where, f"it is {given}, not {needed}", remedy)
 
 
 class CannotAssemble(InvalidInput):

@@ -98,6 +98,10 @@ INVALID = {
     "infinite gravity": (changed("-9.81", "inf"), ["gravity[2]", "finite"]),
     "zero mass": (changed("mass = 2.0", "mass = 0.0"), ["body 'door': mass", "0.0 kg is not positive"]),
     "negative mass": (changed("mass = 2.0", "mass = -2.0"), ["body 'door': mass", "-2.0 kg is not positive"]),
+    "inertia as a list": (
+        changed("inertia = { xx = 0.3, yy = 0.4, zz = 0.5, xy = 0.01 }", "inertia = [0.3, 0.4, 0.5]"),
+        ["body 'door'.inertia", "a list is no inertia of a file; give a table, { xx = 0.1"],
+    ),
     "impossible inertia": (
         changed("zz = 0.5, xy = 0.01", "zz = 0.8"),
         ["body 'door': inertia", "0.3, 0.4, 0.8", "triangle inequality", "Ixy = -sum m x y"],

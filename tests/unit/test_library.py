@@ -13,6 +13,7 @@ import consilience as cs
 from consilience.case.file.schema import CaseTable
 from consilience.errors import InvalidInput
 from consilience.mechanism import joint_coordinates, quaternion_from_rotation, relative_motion
+from consilience.reference import simulate
 from mechanisms import LOOPS, chain, rotation, states_of
 
 RNG = np.random.default_rng(5)
@@ -123,6 +124,23 @@ def test_a_drawn_mechanism_is_the_one_that_its_file_says(tmp_path):
     assert angle["angle"] == pytest.approx(0.3, abs=1e-13)
 
 
+def test_what_is_drawn_built_saved_and_loaded_is_one_case_with_the_same_answers(tmp_path):
+    """One digest, of what is asked; the answers of an engine and of the reference are the same to the last bit."""
+    drawn = double_pendulum().case(start={"shoulder": 0.4}, rates={"elbow": {"angle1": 0.3}}, duration=0.1)
+    built = cs.Case.of(drawn.mechanism, drawn.initial, duration=0.1, sample=drawn.sample)
+    loaded = [cs.load_case(cs.save_case(case, tmp_path / f"{n}.toml")) for n, case in enumerate((drawn, built))]
+    cases = [drawn, built, *loaded]
+    assert {case.digest for case in cases} == {drawn.digest}
+    others = double_pendulum().case(), drawn.with_span(0.2, None), replace(drawn, instants=3)
+    assert len({drawn.digest, *(case.digest for case in others)}) == 4
+    answers = [
+        [run.answer for run in cs.compare(case, ["mujoco"], [cs.Question.INSTANT]).results.runs] for case in cases
+    ]
+    for name in ("a_WB_W", "alpha_WB_W", "force_F", "kinetic"):
+        found = [[getattr(answer, name) for answer in own] for own in answers]
+        assert all(np.array_equal(own, found[0]) for own in found)
+
+
 def test_a_drawn_drive_is_the_function_or_its_table():
     motions = (cs.sine(0.5, 4.0), {"harmonics": [[0.5, 4.0, 0.0]]})
     driven = []
@@ -200,6 +218,11 @@ def wrong(change):
         (lambda d: d.add("spring", "x", stiff=3.0), "spring 'x'"),
         (lambda d: d.case(start={"knee": 0.1}), "joint 'knee': it is not drawn"),
         (lambda d: d.case(start={"elbow": 0.1}), "has 2 coordinates. Name them: angle1, angle2"),
+        (cs.Case.of, "a Drawing, not a Mechanism. Give a Mechanism: .* draw.mechanism()"),
+        (lambda d: cs.save_case(d, "no.toml"), "a Drawing, not a Mechanism"),
+        (lambda d: cs.Case.of(d.mechanism(), {"elbow": 0.1}), "a dict, not an Initial"),
+        (lambda d: cs.Case.of(d.mechanism(), duration=1.0, sample=0.3), "1 s and 0.3 s. Give a positive sample that"),
+        (lambda d: cs.Case.of(d.mechanism(), sample=0.0), "5 s and 0 s. Give a positive sample"),
     ],
 )
 def test_a_mistake_names_part_and_field(change, words):
@@ -276,6 +299,9 @@ def test_motions_mechanisms_and_results_show_themselves(motion, tmp_path):
     assert repr(case.mechanism) == "Mechanism 'double_pendulum': 2 bodies, 2 joints"
     assert repr(case) == "Case 'double_pendulum': 2 bodies, 2 joints, 41 samples over 2 s"
     assert repr(double_pendulum()) == "Drawing 'double_pendulum': 2 bodies, 2 joints, 0 elements"
+    parts = (case.initial_state, case.mechanism.bodies[0], case.mechanism.joints[0], cs.ball(1.0))
+    answers = (cs.accelerations(case.mechanism, case.states), simulate(case.mechanism, case.initial_state, case.times))
+    assert all(len(repr(shown)) < 80 for shown in (*parts, *answers))
     assert cs.Drawing("empty", gravity=(0, 0, 0))._repr_html_() is None
     drawings = [shown._repr_html_() for shown in (found, case, case.mechanism, double_pendulum())]
     assert all("<svg" in drawn for drawn in drawings)
@@ -326,6 +352,7 @@ def test_a_comparison_prints_as_a_table_and_saves_its_report(tmp_path):
     assert "<td>" in found._repr_html_()
     assert found.save(tmp_path / "report").is_file()
     assert len(repr(found.results)) < 500
+    assert all(len(repr(one)) < 100 for one in (*found.results.runs, *found.results.comparisons))
 
 
 def test_names_of_the_library_are_listed_and_the_room_compare_can_be_called():

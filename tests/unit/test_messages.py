@@ -8,6 +8,7 @@ import pytest
 import consilience as c
 from consilience.case.file.reader import load_file
 from consilience.errors import InvalidInput
+from consilience.mechanism import require_states
 from mechanisms import TREES, states_of
 
 HERE = c.Frame(np.zeros(3), np.eye(3))
@@ -43,7 +44,7 @@ REFUSED = {
     r"bodies\[0\]: it is a Joint, not a Body": lambda: c.Mechanism("m", [0, 0, 0], [joint()], [body()]),
     r"state: p_WB: shape \(3,\).*One row is one body": lambda: c.State(*np.zeros((4, 3))),
     r"state: quat_WB: shape \(1, 3\)": lambda: c.State(*np.zeros((4, 1, 3))),
-    r"states: it is one state.*Give a list: \[state\]": lambda: c.simulate_many(HINGE, STATE),
+    r"states: it is one state.*Give a list: \[state\]": lambda: require_states(HINGE, STATE),
     r"state: it has 1 bodies, mechanism .* has 3": lambda: c.accelerations(TWO, [STATE]),
     r"state: it is a list, not a State": lambda: c.simulate(HINGE, [STATE], np.arange(3.0)),
     r"mechanism: it is a Case.*case.mechanism": lambda: c.accelerations(c.load_case("double_pendulum"), [STATE]),

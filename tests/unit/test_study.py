@@ -53,6 +53,8 @@ def test_many_states_of_one_slider_and_rows_of_values():
     motions = cs.simulate_many(case, starts, tolerance=1e-11)
     x = np.cos(5.0 * motions.time)
     assert motions.coordinates("rail") == pytest.approx(np.array([0.1 * x, -0.2 * x]), abs=1e-9)
+    one = cs.simulate_many(case, starts[1], tolerance=1e-11)  # a state is a list of one
+    assert np.array_equal(one.coordinates("rail"), motions.coordinates("rail")[1:])
     rows = {"initial.coordinates.rail.distance": [0.1, -0.2], "mass.mass": [2.0, 8.0]}
     study = cs.study(case, rows, tolerance=1e-11, paired=True)
     expected = np.array([0.1 * x, -0.2 * np.cos(2.5 * motions.time)])

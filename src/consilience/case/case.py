@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import tomllib
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from importlib import import_module
 from typing import Any
 
 import numpy as np
 
+from consilience.case.file.digest import case_digest
 from consilience.case.published import Published
-from consilience.errors import InvalidInput
+from consilience.errors import InvalidInput, require
 from consilience.mechanism import (
     Array,
     Function,
@@ -20,6 +23,7 @@ from consilience.mechanism import (
     initial_state,
     random_states,
     refuse_overlap,
+    require_states,
 )
 
 _OF_TIME = {
@@ -52,8 +56,8 @@ class Case:
         Folder of the library; empty for a file from elsewhere.
     call : str
         Name of the case on the command line if that is not `name`: a path, or a member of a family.
-    digest : str
-        Digest of what its file asks; empty for a case without a file.
+    file_digest : str
+        Digest of what its file asks; empty for a case without a file (`digest` is that of all cases).
     duration, sample : float, s
         Span of the trajectory and its uniform sampling interval.
     digits : int
@@ -80,9 +84,17 @@ class Case:
     published: tuple[Published, ...] = ()
     group: str = ""
     call: str = ""
-    digest: str = ""
+    file_digest: str = ""
 
     def __post_init__(self) -> None:
+        require_states(self.mechanism, ())
+        require(self.initial, Initial, f"case '{self.name}': initial", "Give Initial({'pin': {'angle': 0.5}}).")
+        if not (self.duration > 0 and self.sample > 0) or not _is_multiple(self.duration, self.sample):
+            raise InvalidInput(
+                f"case '{self.name}': duration and sample",
+                f"{self.duration:g} s and {self.sample:g} s",
+                "Give a positive sample that divides the duration.",
+            )
         size = self.duration / self.sample * len(self.mechanism.bodies)
         if not size <= LARGEST_MOTION:
             raise InvalidInput(
@@ -144,6 +156,14 @@ class Case:
         return [start, *random_states(self.mechanism, start, self.instants - 1, self.seed, TENTH / self.sample)]
 
     @cached_property
+    def digest(self) -> str:
+        """Digest of what the case asks: of its file, or without one, of the file that `save_case` writes."""
+        if self.file_digest:
+            return self.file_digest
+        writer = import_module("consilience.case.file.writer")  # which imports this module, and Pydantic
+        return case_digest(tomllib.loads(writer.case_text(self, exact=True)))
+
+    @cached_property
     def fastest_rate(self) -> float:
         """Fastest rate of the mechanism at the initial state, 1/s."""
         return fastest_rate(self.mechanism, self.initial_state)
@@ -168,6 +188,7 @@ class Case:
         **span
             ``duration`` (5 s), ``sample`` (0.05 s), ``digits`` (8), ``instants`` (20), ``seed`` (1), ``title``, ...
         """
+        require_states(mechanism, ())
         name = mechanism.name
         known: dict[str, Any] = {"title": name, "duration": 5.0, "sample": 0.05, "digits": 8, "instants": 20, "seed": 1}
         return cls(name=name, file=name, mechanism=mechanism, initial=initial or Initial(), **known | span)
@@ -182,12 +203,10 @@ class Case:
         """
         span = self.duration if duration is None else duration
         step = self.sample if sample is None else sample
-        if not (span > 0 and step > 0) or not _is_multiple(span, step):
-            raise InvalidInput(
-                "duration and sample", f"{span:g} s and {step:g} s", "Give a positive sample that divides the duration."
-            )
-        known = tuple(k for k in self.published if k.time <= span and _is_multiple(k.time, step))
-        return replace(self, duration=span, sample=step, published=known)
+        other = replace(self, duration=span, sample=step, published=())
+        return replace(
+            other, published=tuple(k for k in self.published if k.time <= span and _is_multiple(k.time, step))
+        )
 
 
 def _is_multiple(value: float, step: float) -> bool:

@@ -157,6 +157,9 @@ class Comparison:
     coarser: tuple[CoarserLevel, ...] = ()
     power: tuple[Power, ...] = ()
 
+    def __repr__(self) -> str:
+        return f"Comparison: {self.engine} on {self.case}, {self.question}, {self.method}: {self.verdict}"
+
 
 def digits_of(difference: float) -> float:
     """Return the correct digits of a relative difference, from 0 to 16."""

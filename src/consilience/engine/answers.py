@@ -10,6 +10,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
+import numpy as np
+
 from consilience.engine.questions import Answer, Question
 from consilience.errors import ConsilienceError
 from consilience.mechanism import Array, ContactLaw, Perturbation, State
@@ -181,6 +183,9 @@ class InstantAnswer:
     potential: Array
     contact_force: Array | None = None
 
+    def __repr__(self) -> str:
+        return f"InstantAnswer: accelerations of shape {np.shape(self.a_WB_W)}"
+
 
 EVENT_KINDS = ("impact", "closes", "opens", "slips", "sticks", "bounces end")
 """Events of contacts, stops and dry friction; of a stop or a dry friction those that it can have. A slip that reverses
@@ -230,6 +235,9 @@ class TrajectoryAnswer:
     event_time: Array | None = None
     event_contact: Array | None = None
     event_kind: Array | None = None
+
+    def __repr__(self) -> str:
+        return f"TrajectoryAnswer: positions of shape {np.shape(self.p_WB)}"
 
     def state(self, sample: int) -> State:
         """Return the state of all bodies at a sample."""
@@ -324,3 +332,7 @@ class Run:
     cpu: float = 0.0
     log: str = ""
     perturbation: Perturbation | None = None
+
+    def __repr__(self) -> str:
+        method = "" if self.method is None else f", {self.method.name}, level {self.level}"
+        return f"Run: {self.engine} on {self.case}, {self.question}{method}: {self.status}"

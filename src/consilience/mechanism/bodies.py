@@ -72,6 +72,9 @@ class Body:
             raise InvalidInput(f"{where}: mass", f"{self.mass} kg is not positive", "Give a mass above zero.")
         check_inertia(self.inertia, f"{where}: inertia")
 
+    def __repr__(self) -> str:
+        return f"Body '{self.name}': {self.mass:g} kg, centre of mass {self.com.tolist()} m"
+
 
 ROUNDING_OF_MOMENTS = 1e-14
 """Least principal moment over the largest: one below it may be rounding of the tensor, of either sign."""

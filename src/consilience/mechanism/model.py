@@ -70,6 +70,9 @@ class Joint:
         if (self.kind == "screw") != (self.pitch != 0.0) or not np.isfinite(self.pitch):
             raise InvalidInput(f"{where}: pitch", f"{self.pitch} m", "Give a screw, and no other kind, its pitch.")
 
+    def __repr__(self) -> str:
+        return f"Joint '{self.name}': {self.kind}, {self.predecessor} to {self.successor}"
+
     @property
     def rows(self) -> tuple[str, ...]:
         """Names of the basic constraints that the joint holds."""
@@ -325,6 +328,9 @@ class State:
         if n and abs(lengths - 1.0).max() > 1e-12:
             raise InvalidInput("state: quat_WB", "a quaternion is not unit", "Normalise it before building a state.")
 
+    def __repr__(self) -> str:
+        return f"State of {len(self.p_WB)} bodies"
+
     @cached_property
     def R_WB(self) -> Array:
         """Rotation matrices of the bodies, shape (n_b, 3, 3)."""
@@ -338,7 +344,8 @@ def require_states(mechanism: Mechanism, states: Iterable[State]) -> None:
     ------
     InvalidInput
     """
-    require(mechanism, Mechanism, "mechanism", "Give a Mechanism; that of a case is case.mechanism.")
+    remedy = "Give a Mechanism: of a case, case.mechanism; of a drawing, draw.mechanism()."
+    require(mechanism, Mechanism, "mechanism", remedy)
     if isinstance(states, State):
         raise InvalidInput("states", "it is one state, not a sequence of states", "Give a list: [state].")
     for state in states:

@@ -33,6 +33,9 @@ class Solid:
     com: Array
     second_moment: Array
 
+    def __repr__(self) -> str:
+        return f"Solid: {self.volume:g} m^3, centre of mass {self.com.tolist()} m"
+
     def __add__(self, other: Solid) -> Solid:
         """Return both solids as one, of one density."""
         volume = self.volume + other.volume

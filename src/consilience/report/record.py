@@ -144,7 +144,7 @@ def _case(case: Case, questions: Sequence[Question]) -> dict[str, Any]:
         "record": "case",
         "name": case.name,
         "call": case.call or case.name,
-        "digest": case.digest or None,
+        "digest": case.digest,
         "title": case.title,
         "bodies": [b.name for b in mechanism.bodies],
         "joints": [[j.name, j.kind, j.predecessor, j.successor] for j in mechanism.joints],

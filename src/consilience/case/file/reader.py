@@ -85,7 +85,7 @@ def cases_from_tables(name: str, file: str, raw: Mapping[str, Any], text: str = 
     if problems or table is None:
         raise located(file, problems, raw, text) from None
     variants = table.variants or [""]
-    return [replace(case, digest=case_digest(raw, name)) for case, name in zip(cases, variants, strict=True)]
+    return [replace(case, file_digest=case_digest(raw, name)) for case, name in zip(cases, variants, strict=True)]
 
 
 def _names(raw: Mapping[str, Any]) -> set[str]:

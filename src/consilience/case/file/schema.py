@@ -43,6 +43,13 @@ class InertiaTable(TableModel):
     xz: Finite = 0.0
     yz: Finite = 0.0
 
+    @model_validator(mode="before")
+    @classmethod
+    def _no_list(cls, given: object) -> object:
+        if isinstance(given, list):
+            raise ValueError("a list is no inertia of a file; give a table, { xx = 0.1, yy = 0.1, zz = 0.2 }")
+        return given
+
     def tensor(self) -> Array:
         """Return the tensor, shape (3, 3), kg m^2."""
         return np.array([[self.xx, self.xy, self.xz], [self.xy, self.yy, self.yz], [self.xz, self.yz, self.zz]])

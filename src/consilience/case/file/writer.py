@@ -57,7 +57,7 @@ def save_case(subject: Case | Mechanism, path: str | Path) -> Path:
     Raises
     ------
     InvalidInput
-        The file cannot be written.
+        The subject is neither, or the file cannot be written.
     """
     target = Path(path)
     text = case_text(subject if isinstance(subject, Case) else Case.of(subject), exact=True)

@@ -308,7 +308,8 @@ def replay(data: bytes) -> str:
     server, last = Server(), "there was no job in the file"
     for message in read_frames(_Bytes(data)):
         for reply in read_frames(_Bytes(server.handle(message) or b"")):
-            last = reply.header.entries["reason"] or str(codec.value_of(reply.header, reply.arrays))
+            value = codec.value_of(reply.header, reply.arrays)
+            last = reply.header.entries["reason"] or str(getattr(value, "__dict__", value))  # all numbers of an answer
     return last
 
 
