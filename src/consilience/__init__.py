@@ -25,6 +25,7 @@ if TYPE_CHECKING:  # the names once more for type checkers, which do not see tho
     from consilience.case import frame as frame
     from consilience.case import load_case as load_case
     from consilience.case import save_case as save_case
+    from consilience.engine import InstantAnswer
     from consilience.engine import Question as Question
     from consilience.engine import Route as Route
     from consilience.engine import load_engine as load_engine
@@ -58,7 +59,6 @@ if TYPE_CHECKING:  # the names once more for type checkers, which do not see tho
     from consilience.mechanism import random_states as random_states
     from consilience.mechanism import sine as sine
     from consilience.mechanism import through as through
-    from consilience.reference import accelerations as accelerations
     from consilience.reference import initial_state as initial_state
     from consilience.reference.formulations.body_velocities import AppliedForces
     from consilience.report.agreement import Agreement as Agreement
@@ -72,7 +72,7 @@ _NAMES = {
     "errors": "CannotAssemble ConsilienceError InvalidInput NumericalFailure",
     "mechanism": "Body Control Coupling Drive Frame Friction Function Initial Joint JointSpring Load Mechanism "
     "Rolling Skate Solid Spring State ball bar block constant linear random_states sine through",
-    "reference": "accelerations initial_state",
+    "reference": "initial_state",
     "report.agreement": "Agreement",
     "report.simulation": "Simulation",
     "report.study": "Study",
@@ -83,7 +83,7 @@ _NAMES = {
 _MODULES = {name: module for module, names in _NAMES.items() for name in names.split()}
 
 __all__ = list(_MODULES)
-__all__ += ["compare", "simulate", "simulate_many", "study"]
+__all__ += ["accelerations", "compare", "simulate", "simulate_many", "study"]
 
 
 _PATIENCE = 1.0
@@ -176,6 +176,31 @@ def simulate(
     else:
         answer = integrate(mechanism, state, grid, tolerance, form, integrator, forces, assemble)
     return Simulation.of(mechanism, answer)
+
+
+def accelerations(
+    mechanism: Mechanism | Case | Drawing,
+    states: State | Sequence[State] | None = None,
+    formulation: str = "descriptor",
+    t: float = 0.0,
+) -> InstantAnswer:
+    """Compute accelerations, reactions and energies at consistent states, drives and loads at the time t.
+
+    Parameters
+    ----------
+    mechanism : Mechanism, Case or Drawing
+    states : State or sequence of State, optional
+        Default: that of the case at its start, or the drawing at rest, assembled.
+    formulation, t
+        As in `consilience.reference.accelerations`, whose answers and errors these are.
+    """
+    from consilience.mechanism import Mechanism  # noqa: PLC0415 - names of the library are imported at their first use
+    from consilience.reference import accelerations as compute  # noqa: PLC0415
+
+    if isinstance(mechanism, Mechanism) and states is not None:
+        return compute(mechanism, states, formulation, t)
+    case = _case(mechanism)
+    return compute(case.mechanism, case.initial_state if states is None else states, formulation, t)
 
 
 def study(

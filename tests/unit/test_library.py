@@ -334,7 +334,12 @@ def test_a_drawing_moves_as_its_case_does_and_one_state_is_a_list_of_one():
     assert np.array_equal(cs.simulate(draw).p_WB, cs.simulate(case).p_WB)
     one, listed = (cs.accelerations(case.mechanism, s) for s in (case.initial_state, [case.initial_state]))
     assert one.a_WB_W.shape == (1, 2, 3)
-    assert np.array_equal(one.a_WB_W, listed.a_WB_W)
+    others = cs.accelerations(draw), cs.accelerations(case), cs.accelerations(case, [case.initial_state])
+    assert all(np.array_equal(one.a_WB_W, other.a_WB_W) for other in (listed, *others))
+    released = draw.case(start={"shoulder": 0.4})
+    assert np.array_equal(
+        cs.accelerations(released).a_WB_W, cs.accelerations(released.mechanism, released.initial_state).a_WB_W
+    )
 
 
 # ---------------------------------------------------------------- agreement
