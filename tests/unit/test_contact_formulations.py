@@ -51,13 +51,22 @@ def test_random_contacts_are_those_of_their_seed_and_start_apart_or_touching():
         assert [c.name for c in m.contacts] == [c.name for c in again.contacts]
 
 
-# 29: a slip that turns by more than a right angle on one vertex of a pyramid; 67: a contact that joints hold
-@pytest.mark.parametrize("seed", [2, 11, 14, 29, 67])
+# 29: a slip that turns by more than a right angle on one vertex of a pyramid; 67: a contact that joints hold; 98: slip
+# stops where it turns to another vertex; 110: slip stops within a step that left its line; 128: a contact of two bodies
+# of one joint; 201: impacts in turn at one instant; 217: joints hold all that touches; 250: an impact beside what rests
+@pytest.mark.parametrize("seed", [2, 11, 14, 29, 67, 98, 110, 128, 201, 217, 250])
 def test_motions_from_event_to_event_lie_within_the_band_of_time_stepping(seed):
     found = compare(seed)
     assert not found.reason
     assert found.difference <= found.band < 1e-2
     assert f"1 of the 1 compared lie within the band; {found.events} events" in summary([found])
+
+
+def test_what_breaks_away_at_a_vertex_of_a_pyramid_slips_once():
+    """Slip of rounding has no direction: at another vertex friction would drive it, and it would stick again."""
+    mechanism, start = random_contacts(250)
+    _, events = simulate_with_contacts(mechanism, start, np.array([0.0, 0.15]), 1e-10, "moreau")
+    assert [event.kind for event in events] == ["impact", "slips"]
 
 
 # 17: a normal force is open that loads a friction which slides; 53: the same in an impact

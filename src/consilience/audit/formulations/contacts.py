@@ -30,7 +30,7 @@ from consilience.reference.contact.time_stepping import step_with_contacts
 
 TIMES = np.linspace(0.0, 0.4, 9)
 LEVELS, FINER = (8, 16, 32, 64), (128, 256, 512)
-"""Steps between two samples; where their band is wide, finer ones in place of the coarsest."""
+"""Steps between two samples; where their band is wide, or too narrow by chance, finer ones in place of the coarsest."""
 
 SAFETY, FLOOR = 4.0, 1e-8
 WIDE = 0.05
@@ -99,7 +99,8 @@ def compare(seed: int) -> ContactComparison:
         motion, events = simulate_with_contacts(mechanism, start, TIMES, TOLERANCE, "moreau")
         levels = [step_with_contacts(mechanism, start, TIMES, steps).p_WB for steps in LEVELS]
         for steps in FINER:
-            if SAFETY * band_of(levels)[-1] >= WIDE:
+            off, band = _sizes(motion.p_WB - levels[-1]), SAFETY * band_of(levels) + FLOOR
+            if band[-1] >= WIDE or np.any(off > band):
                 levels = [*levels[1:], step_with_contacts(mechanism, start, TIMES, steps).p_WB]
     except NumericalFailure as failure:
         reason = next((name for words, name in _TOLD.items() if words in str(failure)), "failed")

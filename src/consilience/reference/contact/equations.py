@@ -17,7 +17,7 @@ are reactions of joints follow from the forces of all rows (`joint_friction`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -37,39 +37,12 @@ from consilience.reference.contact.joint_friction import (
 from consilience.reference.contact.layout import RowLayout
 from consilience.reference.contact.pairs import RowMotion, move_rows, row_motion
 from consilience.reference.contact.problem import ContactProblem, FrictionSet
+from consilience.reference.contact.response import HELD, Response
 from consilience.reference.contact.row_modes import RowModes, open_modes
 from consilience.reference.kernel.mechanism_record import record_of
 
 _DETERMINED = 1e-9
 """Part of a reaction, over the reaction, that dependent constraints may leave open."""
-
-HELD = 1e-12  # response of a row that joints hold, over that without joints: it and its acceleration are rounding
-
-
-@dataclass(frozen=True, eq=False)
-class Response:
-    """Free accelerations and the response to forces on rows at one state.
-
-    Attributes
-    ----------
-    z : ndarray, shape (6 n_b,)
-        ``L^T a_0``.
-    K : ndarray, shape (m, 6 n_b)
-    free : ndarray, shape (m,)
-    load : ndarray, shape (6 n_b, m)
-        ``L^-1 J^T``.
-    given : ndarray, shape (m,)
-        Forces on rows that the state gives; `free` contains their effect.
-    reactions : dict of int to JointReaction
-        Reactions that bound friction sets, linear in the forces of all rows.
-    """
-
-    z: Array
-    K: Array
-    free: Array
-    load: Array
-    given: Array
-    reactions: dict[int, JointReaction]
 
 
 class ContactEquations:
@@ -129,6 +102,7 @@ class ContactEquations:
         rows, ws = self.move(t, y, turns), self._ws
         forces.evaluate(self.model, t, y, turns, ws)
         z, load = self.inverse @ ws.f, self.inverse @ rows.J.T
+        pull = float(np.linalg.norm(z))
         K = load
         if len(ws.Q):
             constraints.evaluate(self.model, t, y, turns, ws)
@@ -140,7 +114,7 @@ class ContactEquations:
                 K = K - self.U @ (self.U.T @ K)
         given = self._given()
         reactions = {j: self._reaction(j, z, load) for j in self._reacting}
-        return Response(z, K.T, load.T @ z + rows.bias + K.T @ (K @ given), load, given, reactions)
+        return Response(z, K.T, load.T @ z + rows.bias + K.T @ (K @ given), load, given, reactions, pull)
 
     def free_velocities(self, response: Response, velocity: Array, h: float) -> tuple[Array, Array]:
         """Return what a step h of the applied forces makes of velocities at the state of the response, without p.
@@ -260,7 +234,7 @@ class ContactEquations:
         K, free, scale = response.K[rows], response.free[rows], np.linalg.norm(response.load[:, rows], axis=0)
         held = np.linalg.norm(K, axis=1) <= HELD * scale
         K[held] = 0.0
-        free[held & (np.abs(free) <= HELD * scale * np.linalg.norm(self.inverse @ self._ws.f))] = 0.0
+        free[held & (np.abs(free) <= HELD * scale * response.pull)] = 0.0
         problem = ContactProblem(
             *(K @ K.T, free),
             tuple(layout.names[row] for row in rows),

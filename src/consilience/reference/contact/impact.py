@@ -49,10 +49,11 @@ from consilience.errors import NumericalFailure
 from consilience.mechanism import Array, Contact, Mechanism, State, characteristic_length, kinetic_energy
 from consilience.reference.bodies.arrays import unpack
 from consilience.reference.bodies.canonical import joint_wrenches
-from consilience.reference.contact.equations import ContactEquations, Response
+from consilience.reference.contact.equations import ContactEquations
 from consilience.reference.contact.impulse import solve_impulse
 from consilience.reference.contact.layout import RowLayout, layout_of
 from consilience.reference.contact.pairs import RowMotion
+from consilience.reference.contact.response import Response
 from consilience.reference.contact.row_modes import open_modes
 from consilience.reference.contact.stepper import Stepper
 

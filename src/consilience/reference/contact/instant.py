@@ -18,10 +18,12 @@ from consilience.mechanism import (
     require_states,
 )
 from consilience.reference.bodies.canonical import at_origins, joint_wrenches
-from consilience.reference.contact.equations import ContactEquations, Response
+from consilience.reference.contact.equations import ContactEquations
 from consilience.reference.contact.lasting import LastingContact, decide_lasting, require_unique, sliding_rates
 from consilience.reference.contact.layout import layout_of
+from consilience.reference.contact.response import Response
 from consilience.reference.contact.row_modes import open_modes
+from consilience.reference.contact.speeds import fastest, speed_from_rest
 from consilience.reference.contact.stepper import Stepper
 
 CLOSED = 1e-10
@@ -68,23 +70,16 @@ def _at(equations: ContactEquations, mechanism: Mechanism, state: State, t: floa
     equations.move(t, stepper.y, stepper.turns)
     equations.press(CLOSED * characteristic_length(mechanism))
     response = stepper.respond(t, stepper.y)
-    found = _touching(equations, response, mechanism, state, t)
+    found = _touching(equations, response, stepper.y, characteristic_length(mechanism), t)
     a = equations.accelerations_under(response, found.force)
     wrenches = joint_wrenches(layout.smooth, state, equations.multipliers(response, found.force))
     return (*at_origins(layout.smooth, stepper.y, a), wrenches, stepper.contact_forces(found.force))
 
 
-def _touching(
-    equations: ContactEquations, response: Response, mechanism: Mechanism, state: State, t: float
-) -> LastingContact:
+def _touching(equations: ContactEquations, response: Response, y: Array, length: float, t: float) -> LastingContact:
     """Decide the modes of what touches at a state, whose rows are evaluated."""
     layout, rows = equations.layout, equations.rows
-    length = characteristic_length(mechanism)
-    speeds = [
-        float(np.max(np.abs(state.v_WB_W), initial=0.0)),
-        length * float(np.max(np.abs(state.w_WB_W), initial=0.0)),
-    ]
-    at_rest = CLOSED * max(*speeds, float(np.sqrt(np.linalg.norm(mechanism.gravity) * length)))
+    at_rest = CLOSED * max(fastest(equations, y, length), speed_from_rest(equations, response, length))
     closed, rate = rows.gap[layout.gaps] <= CLOSED * length, rows.u[list(layout.normals)]
     approaches = np.flatnonzero(closed & (rate < -at_rest))
     if len(approaches):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -12,9 +13,10 @@ from consilience.errors import NumericalFailure
 from consilience.mechanism import Array
 from consilience.reference.contact.cones import sticking_margin
 from consilience.reference.contact.decision import ModeDecision, decide
-from consilience.reference.contact.equations import ContactEquations, Response
+from consilience.reference.contact.equations import ContactEquations
 from consilience.reference.contact.joint_friction import decide_with_reactions
 from consilience.reference.contact.problem import ContactProblem, FrictionMode, Modes
+from consilience.reference.contact.response import Response
 from consilience.reference.contact.row_modes import RowModes, open_modes
 
 HOPS = "what slides under an associated cone parts at once: pressed on from rest, it slides in hops without end"
@@ -147,6 +149,17 @@ def require_unique(found: LastingContact, time: float) -> LastingContact:
     return found
 
 
+@contextmanager
+def telling_time(time: float) -> Iterator[None]:
+    """Let a failure tell the time."""
+    try:
+        yield
+    except NumericalFailure as failure:
+        if "t = " in str(failure):
+            raise
+        raise NumericalFailure(f"t = {time:.12g} s: {failure}") from failure
+
+
 def problem_in_modes(
     equations: ContactEquations, response: Response, modes: RowModes, sliding: Array
 ) -> tuple[ContactProblem, Modes, Array, Array, Array]:
@@ -191,12 +204,15 @@ def widest_margin(
 def sliding_rates(equations: ContactEquations, modes: RowModes | None, least: float) -> Array:
     """Return the rates of the rows, exactly zero where nothing slides: what was held, or is slower than `least`.
 
-    What slides along a facet of a pyramid but for `least` slides along it exactly.
+    What slides along a facet of a pyramid but for `least` slides along it exactly; what has started to slide and is
+    slower than `least` slides along its heading: rounding has no direction.
     """
     u = equations.rows.u.copy()
     for j, one in enumerate(equations.layout.friction):
         at = list(one.rows)
-        mode = None if modes is None else modes.friction[j]
+        mode, heading = (None, None) if modes is None else (modes.friction[j], modes.heading[j])
+        if heading is not None and float(np.linalg.norm(u[at])) <= least:
+            u[at] = least * heading
         if mode is None:
             if float(np.linalg.norm(u[at])) <= least:
                 u[at] = 0.0

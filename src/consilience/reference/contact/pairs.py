@@ -1,23 +1,21 @@
 """Kinematics of pairs of shapes, compiled: gap, frame, relative velocity, its rows and its bias acceleration.
 
-With the arms ``r`` from the centres of mass to the contact point, one on each body,
+With the arms ``r`` from the centres of mass of both bodies to one contact point, on the shape of `body` even where
+shapes are apart or overlap, so that a force and its reaction have one line of action,
 
     u = v + w x r - v_p - w_p x r_p,     g' = n . u,     u' = J a + gamma,     gamma = w x r' - w_p x r_p',
     g'' = n . u' + n' . u.
 
 The arms of a pair do not turn with their bodies, and so each pair gives its own r':
 
-==================  ========================================  ====================================================
-pair                gap, normal, arm of the body              arm of the partner
-==================  ========================================  ====================================================
-sphere on plane     ``n . (c - p) - rho``, n of the plane,    from its centre of mass to ``c - h n``, h the height
-                    ``s - rho n``                             of the centre c above the plane
-sphere on sphere    ``|d| - rho - rho_p``, ``n = d / |d|``,   ``s_p + rho_p n``
-                    ``s - rho n``
-disc on plane       height of the lowest point of the rim,    as sphere on plane, of that point
-                    ``s - rho m / |m|``, m the part of n
-                    across the axis
-==================  ========================================  ====================================================
+==================  ==========================================  =======================================
+pair                gap, normal                                 arm of the body
+==================  ==========================================  =======================================
+sphere on plane     ``n . (c - p) - rho``, n of the plane       ``s - rho n``
+sphere on sphere    ``|d| - rho - rho_p``, ``n = d / |d|``      ``s - rho n``
+disc on plane       height of the lowest point of the rim       ``s - rho m / |m|``, m the part of n
+                                                                across the axis
+==================  ==========================================  =======================================
 
 The normal points from `partner` to `body`. A point is a sphere of radius zero.
 """
@@ -170,18 +168,16 @@ def _contact_point(pair: Any, y: Array, A: Array) -> tuple[float, Vector, Vector
         n = scale(1.0 / distance, d)
         n_dot = scale(1.0 / distance, sub(d_dot, scale(dot(n, d_dot), n)))
         r, r_dot = sub(s, scale(pair.radius, n)), sub(cross(w, s), scale(pair.radius, n_dot))
-        r_p = add(s_p, scale(pair.partner_radius, n))
-        r_p_dot = add(cross(w_p, s_p), scale(pair.partner_radius, n_dot))
+        apart = distance - pair.radius  # of the partner's centre and the contact point
+        r_p = add(s_p, scale(apart, n))
+        r_p_dot = add(cross(w_p, s_p), add(scale(dot(n, d_dot), n), scale(apart, n_dot)))
         return distance - pair.radius - pair.partner_radius, n, n_dot, r, r_dot, r_p, r_p_dot
     n = arm(A, pair.partner, load(pair.normal))
     n_dot = cross(w_p, n)
     r, r_dot = _lowest(pair, s, arm(A, pair.body, load(pair.axis)), w, n, n_dot)
     above = sub(add(c, r), add(c_p, s_p))  # from the point of the plane to the lowest point of the shape
     above_dot = sub(add(v, r_dot), add(v_p, cross(w_p, s_p)))
-    gap, gap_dot = dot(n, above), dot(n_dot, above) + dot(n, above_dot)
-    r_p = sub(add(s_p, above), scale(gap, n))
-    r_p_dot = sub(add(cross(w_p, s_p), above_dot), add(scale(gap_dot, n), scale(gap, n_dot)))
-    return gap, n, n_dot, r, r_dot, r_p, r_p_dot
+    return dot(n, above), n, n_dot, r, r_dot, add(s_p, above), add(cross(w_p, s_p), above_dot)
 
 
 @inner

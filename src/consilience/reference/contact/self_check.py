@@ -24,12 +24,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from consilience.errors import NumericalFailure
+from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Array
-from consilience.reference.contact.equations import ContactEquations, Response
+from consilience.reference.contact.equations import ContactEquations
 from consilience.reference.contact.lasting import problem_in_modes, sliding_rates, widest_margin
 from consilience.reference.contact.mode_system import sliding_indicator
 from consilience.reference.contact.problem import FrictionSet
+from consilience.reference.contact.response import HELD, Response
 from consilience.reference.contact.row_modes import RowModes
 
 BAR = 1e-7
@@ -68,6 +69,29 @@ def check_laws(equations: ContactEquations, modes: RowModes, at: tuple[float, Ar
             raise NumericalFailure(f"{name}, t = {at[0]:.12g} s: {what}, by {violation:.3g} of the largest")
 
 
+def refuse_overlap(equations: ContactEquations, at: tuple[float, Array, Array], least: float) -> None:
+    """Refuse a start at which shapes overlap, or a joint is beyond a stop, by more than `least`, m (rad).
+
+    Raises
+    ------
+    InvalidInput
+    """
+    layout = equations.layout
+    gaps = equations.move(*at).gap[layout.gaps]
+    if not len(gaps) or np.min(gaps) >= -least:
+        return
+    worst = int(np.argmin(gaps))
+    name, k = layout.names[layout.normals[worst]], layout.part_of(worst)
+    if k is None:
+        raise InvalidInput(name, f"the joint is {-gaps[worst]:.6g} beyond it at the start", "Start within it.")
+    part = layout.parts[k]
+    raise InvalidInput(
+        name,
+        f"'{part.body}' and '{part.partner}' overlap by {-gaps[worst]:.6g} m at the start",
+        "Start with the shapes apart, or just touching.",
+    )
+
+
 Violation = tuple[str, str, float]
 """Row, what is wrong there, and by how much."""
 
@@ -90,7 +114,7 @@ def _violations(
     moved = response.free + response.K @ (response.K.T @ (force - response.given))
     weight = np.maximum(np.linalg.norm(response.load, axis=0), np.finfo(float).tiny)
     pushed = np.maximum(np.abs(response.free) / weight, weight * np.abs(force))
-    fastest = float(np.max(pushed, initial=0.0)) or 1.0
+    fastest = float(np.max(pushed, initial=HELD / BAR * response.pull)) or 1.0
     largest = max(float(np.max(np.abs(force), initial=0.0)), fastest / float(np.max(weight, initial=1.0)))
     length = max(1.0, equations.model.length)
     inadmissible = None

@@ -15,8 +15,6 @@ the speeds.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -26,7 +24,7 @@ from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Array, Contact, Mechanism, State, characteristic_length
 from consilience.reference.bodies.canonical import sample_times
 from consilience.reference.contact.bounces import Bounces
-from consilience.reference.contact.equations import ContactEquations, Response
+from consilience.reference.contact.equations import ContactEquations
 from consilience.reference.contact.event_functions import EventFunctions
 from consilience.reference.contact.events import PARTS, Watch, first_zero, start_of_slip
 from consilience.reference.contact.hops import rows_at_rest, what_lifts
@@ -36,13 +34,16 @@ from consilience.reference.contact.lasting import (
     decide_lasting,
     require_unique,
     sliding_rates,
+    telling_time,
     widest_margin,
 )
 from consilience.reference.contact.layout import layout_of
+from consilience.reference.contact.response import Response
 from consilience.reference.contact.row_modes import RowModes, open_modes
 from consilience.reference.contact.samples import ContactEvent, Samples
-from consilience.reference.contact.self_check import check_laws, refuse_jam
+from consilience.reference.contact.self_check import check_laws, refuse_jam, refuse_overlap
 from consilience.reference.contact.slip_headings import STILL, STOPPED, SlipHeadings
+from consilience.reference.contact.speeds import fastest, speed_from_rest
 from consilience.reference.contact.stepper import Stepper
 
 TOUCHING = 1e-10
@@ -120,8 +121,8 @@ class _ContactSimulation:
         self.impacts: list[Impact] = []
         radii = [part.radius for part in self.layout.parts if hasattr(part, "radius")]
         self.length = max([characteristic_length(mechanism), *radii])
-        gravity = float(np.linalg.norm(mechanism.gravity))
-        self.speed = max(float(np.sqrt(gravity * self.length)), 1e-6 * self.length)
+        response = self.stepper.respond(start, self.stepper.y)
+        self.speed = max(speed_from_rest(self.equations, response, self.length), 1e-6 * self.length)
         self.bounces = Bounces(self.layout, self.length)
         self.slips = SlipHeadings(self.equations)
         self.functions = EventFunctions(self.equations, self.length)
@@ -129,7 +130,7 @@ class _ContactSimulation:
 
     def integrate(self) -> TrajectoryAnswer:
         """Integrate step by step; samples are taken within steps."""
-        self._refuse_overlap()
+        refuse_overlap(self.equations, (self.stepper.t, self.stepper.y, self.stepper.turns), TOUCHING * self.length)
         self.equations.press(TOUCHING * self.length)
         self._settle(frozenset(), {}, frozenset(), first=True)
         end = float(self.times[-1])
@@ -140,28 +141,16 @@ class _ContactSimulation:
         counters: dict[str, int | float] = {**self.stepper.counters, "impacts": len(self.impacts)}
         return self.samples.answer(self.times, counters)
 
-    def _refuse_overlap(self) -> None:
-        rows = self.equations.move(self.stepper.t, self.stepper.y, self.stepper.turns)
-        gaps = rows.gap[self.layout.gaps]
-        if len(gaps) and np.min(gaps) < -TOUCHING * self.length:
-            worst = int(np.argmin(gaps))
-            name = self.layout.names[self.layout.normals[worst]]
-            k = self.layout.part_of(worst)
-            if k is None:
-                raise InvalidInput(name, f"the joint is {-gaps[worst]:.6g} beyond it at the start", "Start within it.")
-            part = self.layout.parts[k]
-            raise InvalidInput(
-                name,
-                f"'{part.body}' and '{part.partner}' overlap by {-gaps[worst]:.6g} m at the start",
-                "Start with the shapes apart, or just touching.",
-            )
-
     def _record(self, until: float) -> None:
         """Record the samples that the last step has reached."""
         while self.recorded < len(self.times) and self.times[self.recorded] <= until:
             at = self.samples.record(self.stepper, float(self.times[self.recorded]))
             check_laws(self.equations, self.stepper.modes, at, self.speed)
             self.recorded += 1
+
+    def _record_before(self) -> None:
+        """Record the samples before an event at the end of the last step, in the modes until then."""
+        self._record(float(np.nextafter(self.stepper.t, -np.inf)))
 
     # ------------------------------------------------------------------------------------------------------- steps
 
@@ -171,7 +160,7 @@ class _ContactSimulation:
         self.slips.turn(stepper, self.speed)
         stepper.advance(bound)
         if self.slips.leave_line(stepper, self.speed):
-            stepper.go_back_to(stepper.t)
+            stepper.go_back_to(stepper.t, self._halted)
         self.speed = self._speeds()
         if any(heading is not None for heading in stepper.modes.heading):
             refuse_jam(self.equations, stepper.respond(stepper.t, stepper.y), stepper.modes, stepper.t)
@@ -179,21 +168,33 @@ class _ContactSimulation:
         armed = self.functions.armed.copy()
         found = first_zero(self._values, nodes, self.functions.armed, self.functions.watches)
         if found is None:
-            halted = self.slips.halted(stepper, self.speed)
-            if halted is not None:
-                self._settle(frozenset(), {}, frozenset([halted]))
+            self._settle_halted()
             return
         t, w = found
         watch = self.functions.watches[w]
         if watch.kind == "slip" and not self._stops(t, watch):
-            stepper.go_back_to(stepper.started + 0.5 * (t - stepper.started))
+            stepper.go_back_to(stepper.started + 0.5 * (t - stepper.started), self._halted)
             self.functions.armed = armed
+            self._settle_halted()
             self._refuse_standstill()
             return
-        self._end_at(t, w)
-        self._record(float(np.nextafter(self.stepper.t, -np.inf)))
-        self._happens(watch)
+        if self._end_at(t, w):
+            self._record_before()
+            self._happens(watch)
+        else:
+            self._settle_halted()
         self._refuse_standstill()
+
+    def _halted(self) -> int | None:
+        """Return a friction set that has slipped to a halt by the end of the last step."""
+        return self.slips.halted(self.stepper, self.speed)
+
+    def _settle_halted(self) -> None:
+        """Settle where a slip has come to a halt, if one has."""
+        halted = self._halted()
+        if halted is not None:
+            self._record_before()
+            self._settle(frozenset(), {}, frozenset([halted]))
 
     def _refuse_standstill(self) -> None:
         """Refuse events that follow one another without end while no time passes."""
@@ -208,8 +209,8 @@ class _ContactSimulation:
         slip = self.equations.rows.u[list(self.layout.friction[watch.index].rows)]
         return len(slip) == 1 or bool(np.linalg.norm(slip) <= STOPPED * watch.scale)
 
-    def _end_at(self, t: float, w: int) -> None:
-        """End the last step at the zero of an event function near t."""
+    def _end_at(self, t: float, w: int) -> bool:
+        """End the last step at the zero of an event function near t, or before it where a slip comes to a halt."""
         start, end = self.stepper.started, self.stepper.t
         delta = 1e-4 * (end - start)
         ahead, behind = min(t + delta, end), max(t - delta, start)
@@ -218,7 +219,8 @@ class _ContactSimulation:
         if not np.isfinite(rate):
             rate = float((self._values(ahead)[0][w] - self._values(behind)[0][w]) / (ahead - behind))
         for _ in range(4):
-            self.stepper.go_back_to(t)
+            if not self.stepper.go_back_to(t, self._halted):
+                return False
             value = float(self.functions.at(self.stepper.t, self.stepper.y, self.stepper)[0][w])
             if rate >= 0.0 or abs(value) <= 1e-16 * self.functions.watches[w].scale:
                 break
@@ -226,6 +228,7 @@ class _ContactSimulation:
             if abs(better - t) <= 4e-16 * max(1.0, abs(t)) or not behind <= better <= ahead:
                 break  # found, or where the function turns, without having risen by more than rounding
             t = better
+        return True
 
     # ------------------------------------------------------------------------------------------------------ events
 
@@ -240,7 +243,7 @@ class _ContactSimulation:
         stopped: set[int] = set()
         modes = self.stepper.modes
         closing: set[int] = set()
-        if watch.kind == "slip":
+        if watch.kind == "slip" or (watch.kind == "turn" and self._stops(self.stepper.t, watch)):
             stopped.add(watch.index)
         elif watch.kind == "gap":
             closing.add(watch.index)
@@ -298,19 +301,21 @@ class _ContactSimulation:
             touching |= before.closed
         sliding = sliding_rates(self.equations, None if hit or first else before, still)
         halted: list[int] = []
+        for j in started:  # from rest
+            at = list(self.layout.friction[j].rows)
+            sliding[at] *= float(np.linalg.norm(rows.u[at])) > still
         for j, one in enumerate(self.layout.friction if stopped else ()):
             at = list(one.rows)  # what moves as one stops as one
             if j in stopped or float(np.linalg.norm(sliding[at])) <= STOPPED * self.speed:
                 sliding[at], halted = 0.0, halted + at
         previous = None if hit or first else before
-        with self._telling_time():
+        with telling_time(self.stepper.t):
             found = self._decide(response, touching, sliding, previous, opened, started)
         slides = [heading is not None for heading in found.modes.heading]
         rests = [not np.any(sliding[list(one.rows)]) for one in self.layout.friction]
         self.slips.begin(np.flatnonzero(np.logical_and(slides, rests)).tolist(), self.speed)
         self.stepper.change_modes(found.modes, halted)
-        if not first:
-            self.samples.compare(self.stepper.t, before, found.modes, hit, stopped)
+        self.samples.compare(self.stepper.t, found.modes if first else before, found.modes, hit, stopped)
         self.functions.renew(found, self.stepper, self.speed)
         self.bounces.note(found)
 
@@ -335,20 +340,9 @@ class _ContactSimulation:
         found = decide_lasting(self.equations, response, touching, sliding, previous, opened, started)
         return require_unique(found, self.stepper.t)
 
-    @contextmanager
-    def _telling_time(self) -> Iterator[None]:
-        """Let a failure tell the time."""
-        try:
-            yield
-        except NumericalFailure as failure:
-            if "t = " in str(failure):
-                raise
-            raise NumericalFailure(f"t = {self.stepper.t:.12g} s: {failure}") from failure
-
     def _speeds(self) -> float:
-        """Return the speed of the fastest body, or that of falling by the length of the mechanism."""
-        y = self.stepper.y[: len(self.equations.model.mass)]
-        return max(self.speed, float(np.max(np.abs(y[:, 7:10]))), self.length * float(np.max(np.abs(y[:, 10:13]))))
+        """Return the speed of the fastest body, or that of motion from rest."""
+        return max(self.speed, fastest(self.equations, self.stepper.y, self.length))
 
     # ----------------------------------------------------------------------------------------------------- impacts
 
@@ -377,7 +371,7 @@ class _ContactSimulation:
             restitution = self.layout.rebounds(-rate)
             for n in np.flatnonzero(taking & (rate < 0.0)):
                 restitution[n] = self._restitution(int(n), -float(rate[n]), float(restitution[n]))
-            with self._telling_time():
+            with telling_time(self.stepper.t):
                 record, velocity, forces = apply_impact(
                     self.equations, response, stepper, taking, restitution, still, self.law
                 )

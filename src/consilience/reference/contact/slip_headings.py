@@ -31,11 +31,13 @@ class SlipHeadings:
 
     def __init__(self, equations: ContactEquations) -> None:
         self._equations, self._friction = equations, equations.layout.friction
+        self._rising: set[int] = set()  # what has started to slide and is slower yet than what stops
 
     def begin(self, started: Collection[int], speed: float) -> None:
         """Begin with modes in which some friction sets start to slide; `speed` is that of the mechanism, m/s."""
         self._equations.held[:] = _STOPPING * speed
         self._equations.held[list(started)] = np.inf
+        self._rising = set(started)
 
     def _slips(self, stepper: Stepper) -> list[tuple[int, Array]]:
         """Return the friction sets that slide in a plane on a disc, with their slips, shape (2,)."""
@@ -54,6 +56,8 @@ class SlipHeadings:
         for j, slip in slips:
             size, h = float(np.linalg.norm(slip)), self._equations.heading(j)
             heading[j] = h
+            if size > STOPPED * speed:
+                self._rising.discard(j)
             if size > max(held[j], STILL * speed):
                 held[j] = np.inf if _across(slip, h) <= _STRAIGHT * size else _STOPPING * speed
                 heading[j] = direction(slip, h, float(held[j]))
@@ -77,7 +81,7 @@ class SlipHeadings:
         slow = [
             (j, slip)
             for j, slip in self._slips(stepper)
-            if max(float(np.linalg.norm(slip)), self._equations.held[j]) < STOPPED * speed
+            if j not in self._rising and max(float(np.linalg.norm(slip)), self._equations.held[j]) < STOPPED * speed
         ]
         if not slow:
             return None

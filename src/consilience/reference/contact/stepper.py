@@ -7,7 +7,7 @@ that they lose are integrated along.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -19,7 +19,8 @@ from consilience.mechanism import RANK_TOLERANCE, Array, State
 from consilience.reference.bodies.arrays import pack, unpack, workspace
 from consilience.reference.bodies.forces import count_turns
 from consilience.reference.bodies.projection import normalise
-from consilience.reference.contact.equations import ContactEquations, Response
+from consilience.reference.contact.equations import ContactEquations
+from consilience.reference.contact.response import Response
 from consilience.reference.contact.row_modes import RowModes
 
 
@@ -202,13 +203,16 @@ class Stepper:
         self._pieces = [(self.started, solver.dense_output())]
         self.counters["steps"] += 1
 
-    def go_back_to(self, t: float) -> None:
-        """Repeat the last step so that it ends at t, between its start and its end."""
+    def go_back_to(self, t: float, ended: Callable[[], object | None]) -> bool:
+        """Repeat the last step so that it ends at t, between its start and its end; return whether it does.
+
+        It ends before t where `ended` returns something: slip that has stopped has no direction to step on with.
+        """
         start, Y, turns = self._before
         self.t, self._Y, self._turns, self._solver = start, Y.copy(), turns.copy(), None
         planned, self._h = self._h, t - start
         pieces: list[tuple[float, Any]] = []
-        while self.t < t:
+        while self.t < t and not (pieces and ended() is not None):
             self.advance(t)
             pieces += self._pieces
         self._pieces, self._before, self.started, self._solver, self._h = (
@@ -218,6 +222,7 @@ class Stepper:
             None,
             planned,
         )
+        return self.t == t
 
     # ------------------------------------------------------------------------------------------------- projection
 

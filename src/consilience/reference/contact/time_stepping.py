@@ -1,13 +1,14 @@
 """Motion with contacts by time stepping at velocity level: the second formulation, which bounds the first.
 
-The scheme of Moreau (1988) and Jean (1999), with the midpoint ``q_m = q + h v / 2``. Rows whose gap is closed at q_m
-take part in one problem for the impulses p of a step of length h,
+The scheme of Moreau (1988) and Jean (1999), with the midpoint ``q_m = q + h v / 2``, projected onto the joints. Rows
+whose gap is closed at q_m take part in one problem for the impulses p of a step of length h,
 
     M (v+ - v) = h f + Q^T Lam + J^T p,     Q v+ = nu,     u+ = J v+,
     0 <= p_n _|_ u_n+ + e u_n >= 0,         p_t = prox_{mu p_n D}(p_t - r u_t+),         q+ = q + h (v + v+) / 2,
 
 with f, Q and J at q_m. It knows no modes, no accelerations of contacts, no events and no headings: impacts, sliding and
-sticking are the same problem. Its impacts are Moreau's (`impulse`). Errors are of order one in h; between impacts they
+sticking are the same problem. Its impacts are Moreau's (`impulse`): e is zero of what approaches no faster than the
+forces of one step make it, and a row that parts faster than that takes no part, as in an impact between steps. Errors are of order one in h; between impacts they
 have an expansion in h, and an impact comes at a random place within a step.
 
 The problem is solved by successive projections (`projections`). Where they converge slowly, a search for modes takes
@@ -26,15 +27,19 @@ from consilience.mechanism import Array, Mechanism, State
 from consilience.reference.bodies.arrays import pack, unpack, workspace
 from consilience.reference.bodies.forces import count_turns
 from consilience.reference.contact.decision import decide
-from consilience.reference.contact.equations import HELD, ContactEquations, Response
+from consilience.reference.contact.equations import ContactEquations
 from consilience.reference.contact.joint_friction import with_offsets
 from consilience.reference.contact.layout import layout_of
 from consilience.reference.contact.projections import PATIENT_SWEEPS, SWEEPS, friction_table, project_impulses
+from consilience.reference.contact.response import HELD, Response
 from consilience.reference.contact.stepper import least_change, move_bodies
 
 _PROJECTIONS = 2
 _CLOSED = 1e-13
 """Gap of a closed contact, over the length of the mechanism."""
+
+_PARTS = 1e-9
+"""Rate, over the largest, from which a closed contact parts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +102,7 @@ class _Scheme:
             np.array(layout.normals, dtype=np.int64),
             friction_table(layout.friction, layout.normals),
         )
+        self._rests = np.zeros(len(layout.normals), dtype=bool)  # what lasts, whatever gap rounding and drift leave it
 
     def step(self, t: float, h: float) -> None:
         """Take one step from the time t."""
@@ -104,6 +110,7 @@ class _Scheme:
         middle = y.copy()
         velocity = y[: self.bodies, 7:13].copy()
         move_bodies(middle, 0.5 * h * velocity)
+        self._project(t + 0.5 * h, middle)
         equations.move(t + 0.5 * h, middle, self._turns)
         equations.press(0.0)
         response = equations.respond(t + 0.5 * h, middle, self._turns)
@@ -112,10 +119,12 @@ class _Scheme:
         response = replace(response, K=np.where(held[:, None], 0.0, response.K))
         free[held] = 0.0
         rows, layout = equations.rows, equations.layout
-        before = rows.u[self._normals]
-        closed = rows.gap[layout.gaps] <= _CLOSED * self._model.length
+        before = equations.free_velocities(response, velocity.ravel(), 0.0)[0][self._normals]
+        made = np.abs(free[self._normals] - before)  # by the forces of one step: beyond it, what approaches strikes
+        touches = (rows.gap[layout.gaps] <= _CLOSED * self._model.length) | self._rests
+        closed = touches & (before <= made)
         rebound = np.zeros(len(free))
-        rebound[self._normals] = layout.rebounds(-before) * np.minimum(before, 0.0)
+        rebound[self._normals] = np.where(before < -made, layout.rebounds(-before) * before, 0.0)
         act = np.zeros(len(free), dtype=np.bool_)
         act[self._normals[closed]] = True
         offsets = h * equations.offsets
@@ -123,10 +132,12 @@ class _Scheme:
         G, free = response.K @ response.K.T, free + rebound
         if not project_impulses(G, free, self._law, offsets, act, SWEEPS, p):
             p = self._patiently((G, free, offsets, act, p), response, closed)
+        parts = (free + G @ p - rebound)[self._normals] > _PARTS * float(np.max(np.abs(free), initial=0.0))
+        self._rests = closed & ~parts
         self._p, self.impulse = p, self.impulse + p + h * response.given
         y[: self.bodies, 7:13] = (after + equations.inverse.T @ (response.K.T @ p)).reshape(-1, 6)
         move_bodies(y, 0.5 * h * (velocity + y[: self.bodies, 7:13]))
-        self._project(t + h)
+        self._project(t + h, y)
         count_turns(self._model, y, self._ws, self._turns)
 
     def _patiently(self, given: tuple[Array, Array, Array, Array, Array], response: Response, closed: Array) -> Array:
@@ -150,12 +161,12 @@ class _Scheme:
         p[rows] = decide(with_offsets(problem, {k: float(offsets[j]) for k, j in enumerate(sets)})).force
         return p
 
-    def _project(self, t: float) -> None:
-        """Project positions onto the joints; their rank there is that of the midpoints of the next step."""
+    def _project(self, t: float, y: Array) -> None:
+        """Project positions onto the joints: off them, joints let contacts of their bodies move that they hold."""
         equations = self.equations
         for _ in range(_PROJECTIONS if len(self._ws.Q) else 0):
-            Q, value, _ = equations.joint_rows(t, self.y, self._turns)
+            Q, value, _ = equations.joint_rows(t, y, self._turns)
             holonomic = len(value) - 2 * len(self._model.rolling) - len(self._model.skate)
             change, _ = least_change(equations.inverse, Q[:holonomic], -value[:holonomic])
-            move_bodies(self.y, change.reshape(-1, 6))
+            move_bodies(y, change.reshape(-1, 6))
             equations.rank[0] = least_change(equations.inverse, Q, np.zeros(len(Q)))[1]

@@ -1,0 +1,39 @@
+"""Response of a mechanism to forces on the rows of its contacts, stops and dry friction, at one state (`equations`)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from consilience.mechanism import Array
+from consilience.reference.contact.joint_friction import JointReaction
+
+HELD = 1e-12  # response of a row that joints hold, over that without joints: it and its acceleration are rounding
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """Free accelerations and the response to forces on rows at one state.
+
+    Attributes
+    ----------
+    z : ndarray, shape (6 n_b,)
+        ``L^T a_0``.
+    K : ndarray, shape (m, 6 n_b)
+    free : ndarray, shape (m,)
+    load : ndarray, shape (6 n_b, m)
+        ``L^-1 J^T``.
+    given : ndarray, shape (m,)
+        Forces on rows that the state gives; `free` contains their effect.
+    reactions : dict of int to JointReaction
+        Reactions that bound friction sets, linear in the forces of all rows.
+    pull : float
+        ``|L^-1 f|``: what is small beside it is rounding, where joints carry all forces.
+    """
+
+    z: Array
+    K: Array
+    free: Array
+    load: Array
+    given: Array
+    reactions: dict[int, JointReaction]
+    pull: float
