@@ -8,8 +8,8 @@ whose gap is closed at q_m take part in one problem for the impulses p of a step
 
 with f, Q and J at q_m. It knows no modes, no accelerations of contacts, no events and no headings: impacts, sliding and
 sticking are the same problem. Its impacts are Moreau's (`impulse`): e is zero of what approaches no faster than the
-forces of one step make it, and a row that parts faster than that takes no part, as in an impact between steps. Errors are of order one in h; between impacts they
-have an expansion in h, and an impact comes at a random place within a step.
+forces of one step make it, and a row that parts faster than that takes no part, as in an impact between steps. Errors
+are of order one in h; between impacts they have an expansion in h, and an impact comes at a random place within a step.
 
 The problem is solved by successive projections (`projections`). Where they converge slowly, a search for modes takes
 their place.
