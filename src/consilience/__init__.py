@@ -340,18 +340,21 @@ def _compare(
     Raises
     ------
     InvalidInput
-        An engine is not installed; the nearest names are told.
+        An engine is not installed, there are no cases, or two of them have one name.
     CannotAssemble
     """
     # names of the library are imported at their first use
     from collections.abc import Sequence  # noqa: PLC0415
 
     from consilience.engine import Question, installed, require_installed  # noqa: PLC0415
+    from consilience.errors import InvalidInput  # noqa: PLC0415
     from consilience.report.agreement import Agreement  # noqa: PLC0415
     from consilience.suite import run_suite  # noqa: PLC0415
 
     begun = monotonic()
     chosen = [_case(case) for case in (cases if isinstance(cases, Sequence) else [cases])]
+    if not chosen:
+        raise InvalidInput("cases", "there are none", "Give a case, or a list of cases.")
     asked = engines or tuple(installed())
     for name in () if isinstance(asked, str) else asked:
         require_installed(name)

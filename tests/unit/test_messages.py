@@ -70,6 +70,10 @@ REFUSED = {
     r"spring 's': point_predecessor: shape": lambda: c.Spring("s", "ground", "arm", 0.0, [0, 0, 0], 1.0, 0.0, 1.0),
     r"cases: it is one str.*sequence of Case": lambda: c.run_suite("double_pendulum", []),
     r"cases: it is a str, not a Case": lambda: c.run_suite(["double_pendulum"], []),
+    r"cases: there are none": lambda: c.compare([]),
+    r"case 'double_pendulum': 2 cases have this name.*of its own": lambda: c.compare(
+        2 * [c.load_case("double_pendulum")], ["reference"]
+    ),
     r"engines: it is one str": lambda: c.run_suite([c.load_case("double_pendulum")], "an engine"),
     r"engine: it is a NoneType": lambda: c.load_engine(None),
     r"joint 'r': length: the ends of the rod coincide": lambda: c.Joint("r", "rod", "ground", "arm", HERE, HERE, 0.0),

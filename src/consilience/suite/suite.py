@@ -195,6 +195,19 @@ def _refuse_single(**given: tuple[object, type]) -> None:
             require(one, kind, what, remedy)
 
 
+def _refuse_alike(cases: Sequence[Case]) -> None:
+    """Refuse cases of one name, whose answers a report could not tell apart.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    for name, count in Counter(case.name for case in cases).items():
+        if count > 1:
+            remedy = "Give each a name of its own: that of its drawing or mechanism, or of its file."
+            raise InvalidInput(f"case '{name}'", f"{count} cases have this name", remedy)
+
+
 class Resources(NamedTuple):
     """What the engines of a suite may use.
 
@@ -244,6 +257,7 @@ def run_suite(
     """
     limit, memory, cluster = resources.limit, resources.memory, resources.cluster
     _refuse_single(cases=(cases, Case), engines=(engines, str), questions=(questions, Question))
+    _refuse_alike(cases)
     cases = [thoroughness.case(case) for case in cases]
     names = [REFERENCE, *(name for name in engines if name != REFERENCE)]
     results = Results(cases, list(questions), thoroughness=thoroughness)
