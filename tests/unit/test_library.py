@@ -280,6 +280,7 @@ def test_reactions_are_those_of_the_reference(motion):
         answer = cs.accelerations(case.mechanism, [found.state(k) for k in (0, 20)])
         told = np.hstack([answer.force_F[:, index], answer.torque_F[:, index]])
         assert found.reactions(joint)[[0, 20]] == pytest.approx(told, abs=1e-9 * np.max(np.abs(told)))
+        assert np.array_equal(found.reactions()[:, index], found.reactions(joint))
 
 
 def test_the_default_form_is_the_fast_one_and_any_other_agrees():

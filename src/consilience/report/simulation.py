@@ -111,8 +111,8 @@ class Simulation(TrajectoryAnswer):
         states = [self.state(k) for k in range(len(self.time))]
         return np.array([joint_rates(found, relative_motion(self.mechanism, s, found))[name] for s in states])
 
-    def reactions(self, joint: str) -> Array:
-        """Return force and torque of a joint on its successor over time, shape (n_t, 6).
+    def reactions(self, joint: str | None = None) -> Array:
+        """Return force and torque of a joint on its successor over time, shape (n_t, 6); of all joints, (n_t, n_j, 6).
 
         About the origin of M, in axes of F, N and N m: constraint forces alone, of least norm where equilibrium leaves
         them open.
@@ -122,9 +122,9 @@ class Simulation(TrajectoryAnswer):
         InvalidInput
             There is no such joint, or states do not determine reactions (integral controllers, contacts).
         """
-        index = self.mechanism.joint_index
-        self._joint(joint)
-        return reactions_over_samples(self.mechanism, self)[:, index[joint]]
+        chosen = ... if joint is None else self.mechanism.joints.index(self._joint(joint))
+        found: Array = reactions_over_samples(self.mechanism, self)[:, chosen]
+        return found
 
     def energy(self) -> dict[str, Array]:
         """Return kinetic, potential and total energy over time, J, each of shape (n_t,)."""
