@@ -38,6 +38,10 @@ CHECKS = (
     checks.keyboard,
 )
 
+CUT = """[...document.querySelectorAll('.wide')].filter((e) => e.scrollWidth > e.clientWidth + 1)
+  .map((e) => e.getAttribute('aria-label'))"""
+"""Tables that a window shows a part of."""
+
 
 def pages(view, joint):
     """One page of each kind, by the name of its screenshot."""
@@ -62,6 +66,8 @@ def accessible(window, report, view):
             yield from (f"{name}, {scheme}, {width} px: {line}" for line in opened.violations())
             if opened.page.evaluate("document.documentElement.scrollWidth") > width:
                 yield f"{name}: wider than a window of {width} px"
+            if width > NARROW:
+                yield from (f"{name}: cut at {width} px: {label}" for label in opened.page.evaluate(CUT))
         yield from opened.trouble
         opened.page.context.close()
 

@@ -21,14 +21,25 @@ def ran():
     )
 
 
-def test_elements_that_are_refused_for_one_reason_are_one_feature():
+@pytest.mark.parametrize(
+    ("first", "second", "feature"),
+    [
+        ("contact 'floor': no contacts", "contact 'wall': no contacts", "contact: no contacts"),
+        (
+            "contact 'a', which hits with 3.49e+03 N: 2 rows",
+            "contact 'b', which hits with 17 N: 2 rows",
+            "contact, which hits with \N{HORIZONTAL ELLIPSIS} N: 2 rows",
+        ),
+    ],
+)
+def test_elements_that_are_refused_for_one_reason_are_one_feature(first, second, feature):
     refused = [
-        comparison(case, "alpha", "model", Verdict.UNSUPPORTED, why=f"contact '{name}': no contacts")
-        for case, name in (("one", "floor"), ("two", "wall"))
+        comparison(case, "alpha", "model", Verdict.UNSUPPORTED, why=why)
+        for case, why in (("one", first), ("two", second))
     ]
     record = record_of(refused, engines=("alpha",))
     (row,) = choice_view(record, page(record).engines).missing
-    assert (row.reason, row.count) == ("contact: no contacts", 2)
+    assert (row.reason, row.count) == (feature, 2)
 
 
 @pytest.mark.parametrize(

@@ -22,8 +22,11 @@ CLASSES = (("contact", "contact"), ("stiff", "stiff"), ("loop", "loop"), ("tree"
 """Classes of mechanisms, and the tag of their cases; the first that holds, and `tree` without any."""
 
 
-NAMED = re.compile(r" '[^']*'(?=:)")
+NAMED = re.compile(r" '[^']*'(?=[:,])")
 """Name of an element before the reason for which it is refused."""
+
+QUANTITY = re.compile(r"\b\d+(\.\d+)?(e[+-]?\d+)?(?= (m|s|N|rad|kg)\b)")
+"""Number before a unit: a feature is the same, whatever its size."""
 
 
 @dataclass(frozen=True)
@@ -62,12 +65,17 @@ def class_of(case: dict[str, Any]) -> str:
 def choice_view(record: Record, engines: Sequence[EngineView]) -> Choice:
     """Make the view of all motions and refusals of a record."""
     refused = grouped(
-        ((engine.name, engine.anchor, NAMED.sub("", group.text)), len(group.cells))
+        ((engine.name, engine.anchor, _feature(group.text)), len(group.cells))
         for engine in engines
         for group in engine.unsupported
     )
     missing = tuple(MissingFeature(*told, sum(counts)) for told, counts in refused.items())
     return Choice(tuple(_rows(record)), missing)
+
+
+def _feature(reason: str) -> str:
+    """Leave the names of elements and sizes out of a reason."""
+    return QUANTITY.sub("\N{HORIZONTAL ELLIPSIS}", NAMED.sub("", reason))
 
 
 def _motions(record: Record, engine: str, matched: bool) -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:
