@@ -74,6 +74,12 @@ REFUSED = {
     r"case 'double_pendulum': 2 cases have this name.*of its own": lambda: c.compare(
         2 * [c.load_case("double_pendulum")], ["reference"]
     ),
+    r"integrator 'taylr': relative takes none.*Nearest: taylor. Integrators: rkf45.* gauss": lambda: c.simulate(
+        HINGE, STATE, np.arange(3.0), integrator="taylr"
+    ),
+    r"integrator 'taylor': lagrange takes none.*bdf\.": lambda: c.simulate(
+        HINGE, STATE, np.arange(3.0), formulation="lagrange", integrator="taylor"
+    ),
     r"engines: it is one str": lambda: c.run_suite([c.load_case("double_pendulum")], "an engine"),
     r"engine: it is a NoneType": lambda: c.load_engine(None),
     r"joint 'r': length: the ends of the rod coincide": lambda: c.Joint("r", "rod", "ground", "arm", HERE, HERE, 0.0),

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from consilience.engine import InstantAnswer, TrajectoryAnswer
-from consilience.errors import InvalidInput, NumericalFailure
+from consilience.errors import InvalidInput, NumericalFailure, nearest
 from consilience.mechanism import (
     Array,
     Mechanism,
@@ -171,8 +171,12 @@ def _interpreted(
     forces: AppliedForces | None,
 ) -> TrajectoryAnswer:
     """Integrate in Python; parameters as in `simulate`."""
-    from consilience.reference.integrators.adaptive import integrate  # noqa: PLC0415 - SciPy takes long to import
+    from consilience.reference.integrators.adaptive import METHODS, integrate  # noqa: PLC0415 - SciPy takes long
 
+    known = dict.fromkeys([*METHODS, *(INTEGRATORS if formulation == "relative" and forces is None else ())])
+    if integrator not in known:
+        what = f"{formulation} takes none of that name"
+        raise InvalidInput(f"integrator '{integrator}'", what, nearest(integrator, known, "Integrators"))
     equations = registry.formulation(formulation, mechanism)
     if forces is not None:
         if not isinstance(equations, KernelFormulation):
