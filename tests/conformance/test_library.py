@@ -7,7 +7,7 @@ import pytest
 
 from consilience.case import shipped_cases
 from consilience.compare import Verdict, compare_instant, compare_model
-from consilience.compare.instant import Instants
+from consilience.compare.instants import Instants
 from consilience.engine import Profile, Question, load_engine
 from oracles.shipped import TRAJECTORIES
 

@@ -26,7 +26,7 @@ from consilience.case.file.reader import load_file
 from consilience.case.file.writer import case_table, table_text
 from consilience.cli.commands.fuzz import fuzz
 from consilience.compare import Verdict
-from consilience.compare.instant import Instants
+from consilience.compare.instants import Instants
 from consilience.engine import Method, Profile, Question, Route, Unsupported
 from consilience.engine.worker.requests import MethodAnswer
 from consilience.errors import ConsilienceError

@@ -12,7 +12,7 @@ import numpy as np
 
 from consilience.case import Case
 from consilience.case.file.reader import load_file
-from consilience.compare.instant import Instants
+from consilience.compare.instants import Instants
 from consilience.engine import Question
 from consilience.errors import ConsilienceError
 from consilience.mechanism import fastest_rate

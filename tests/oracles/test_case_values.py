@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from consilience.case import shipped_cases
-from consilience.compare.instant import Instants
+from consilience.compare.instants import Instants
 from consilience.compare.motion import Scales
 from consilience.compare.published import against_published, start_against_published
 from consilience.engine import Question, load_engine

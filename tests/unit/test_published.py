@@ -11,7 +11,7 @@ from consilience.case import Published, later_equations, load_case, read_motion
 from consilience.case.file.reader import load_file
 from consilience.cli.commands.values import found_values
 from consilience.compare import Verdict
-from consilience.compare.instant import Instants
+from consilience.compare.instants import Instants
 from consilience.compare.motion import Scales
 from consilience.compare.published import against_published, dispute, start_against_published
 from consilience.engine import Question, TrajectoryAnswer, load_engine

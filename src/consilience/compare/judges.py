@@ -13,7 +13,8 @@ import numpy as np
 
 from consilience.case import Case
 from consilience.compare.evidence import OTHER_LAW
-from consilience.compare.instant import Instants, compare_instant, compare_model, instants_at
+from consilience.compare.instant import compare_instant, compare_model
+from consilience.compare.instants import Instants, instants_at
 from consilience.compare.judge import REFERENCE, at_singular_pose, reference_motion_of
 from consilience.compare.other_laws import answer_under, cause_of
 from consilience.compare.power_of_bars import at_first_states, instants_at_first_states, with_power

@@ -14,7 +14,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from consilience.compare.instant import BARS, SOFTENED, Bars
+from consilience.compare.instant import SOFTENED
+from consilience.compare.instants import BARS, Bars
 from consilience.compare.result import Comparison, Quantity, Verdict
 from consilience.engine import Profile, Question, Route
 

@@ -7,7 +7,8 @@ from dataclasses import fields, replace
 
 import numpy as np
 
-from consilience.compare.instant import SOFTENED, Instants
+from consilience.compare.instant import SOFTENED
+from consilience.compare.instants import Instants
 from consilience.compare.power import LARGEST, Power, powerless
 from consilience.compare.result import Comparison, Quantity, Verdict
 from consilience.compare.rules import NO_POWER, POWERLESS

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from consilience.case import ACCELERATIONS, Published, later_equations, read_motion, read_start, sample_of, scale_of
-from consilience.compare.instant import Bars, Instants
+from consilience.compare.instants import Bars, Instants
 from consilience.compare.motion import Scales
 from consilience.compare.result import Quantity
 from consilience.engine import InstantAnswer, TrajectoryAnswer

@@ -124,23 +124,30 @@ def of_motions(
     )
 
 
-def of_accelerations(answers: Sequence[Array], softness: Sequence[float], reference: Array, sizes: Array) -> Softness:
-    """Return the dependence on softness from accelerations at several softnesses.
+def of_vectors(
+    answers: Sequence[Sequence[Array] | Array],
+    softness: Sequence[float],
+    reference: Sequence[Array] | Array,
+    sizes: Array,
+) -> Softness:
+    """Return the dependence on softness from vectors at several softnesses.
 
     Parameters
     ----------
-    answers : sequence of ndarray, shape (n_s, ...)
-        The accelerations that are judged, then those at other softness.
+    answers : sequence of sequence of ndarray
+        The vectors that are judged, one at each state, then those at other softness.
     softness : sequence of float
         Factors of the softness of the other answers.
-    reference : ndarray
+    reference : sequence of ndarray
     sizes : ndarray, shape (n_s,)
         Divisors of the differences at each state.
     """
-    return _dependence(
-        answers,
-        softness,
-        reference,
-        lambda a, b: float(np.max(np.max(np.abs(a - b), axis=(1, 2)) / sizes)),
-        lambda soft, hard, d: hard + (hard - soft) / d,
-    )[0]
+
+    def difference(one: Sequence[Array] | Array, other: Sequence[Array] | Array) -> float:
+        largest = [np.max(np.abs(a - b), initial=0.0) for a, b in zip(one, other, strict=True)]
+        return float(np.max(np.array(largest) / sizes))
+
+    def extrapolate(soft: Sequence[Array] | Array, hard: Sequence[Array] | Array, d: float) -> list[Array]:
+        return [h + (h - s) / d for s, h in zip(soft, hard, strict=True)]
+
+    return _dependence(answers, softness, reference, difference, extrapolate)[0]

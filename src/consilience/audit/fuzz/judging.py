@@ -21,7 +21,8 @@ import numpy as np
 from consilience.audit.fuzz.workers import AnswerBatch
 from consilience.case import Case
 from consilience.compare import Comparison, Verdict, compare_instant, compare_model
-from consilience.compare.instant import BARS, CONTACT, Bars, Instants
+from consilience.compare.instant import CONTACT
+from consilience.compare.instants import BARS, Bars, Instants
 from consilience.compare.judge import REFERENCE
 from consilience.compare.other_methods import SOLVER_RULE, reconsidered
 from consilience.engine import InstantAnswer, Method, ModelAnswer, Profile, Question, Unsupported, defects

@@ -19,7 +19,8 @@ import numpy as np
 from consilience.audit.identities.equations import EPS, largest
 from consilience.audit.identities.result import NotApplicableError, Residual, relative, worst
 from consilience.audit.identities.subject import IdentitySubject
-from consilience.compare.instant import BARS, CONTACT, EXACT_ROUTES, Bars
+from consilience.compare.instant import CONTACT, EXACT_ROUTES
+from consilience.compare.instants import BARS, Bars
 from consilience.engine import Route
 from consilience.mechanism import (
     Array,

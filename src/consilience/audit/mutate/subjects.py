@@ -11,7 +11,7 @@ import numpy as np
 from consilience.audit.random_mechanisms import MOST_BODIES, random_mechanism
 from consilience.case import Case, load_case
 from consilience.compare import ReferenceMotion, spread_over_time
-from consilience.compare.instant import EPS, Bars, Instants
+from consilience.compare.instants import EPS, Bars, Instants
 from consilience.engine import InstantAnswer, ModelAnswer, Question
 from consilience.mechanism import (
     Array,

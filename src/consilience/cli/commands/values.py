@@ -14,7 +14,7 @@ import typer
 from consilience.case import Case
 from consilience.cli.options import CaseNames, Form, OutputFormat, chosen_cases
 from consilience.compare import markdown_table, spread_over_time
-from consilience.compare.instant import Instants
+from consilience.compare.instants import Instants
 from consilience.compare.published import Measured, measure_motion, measure_start
 from consilience.engine import Engine, Question, TrajectoryAnswer, load_engine
 from consilience.errors import NumericalFailure
