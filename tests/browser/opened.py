@@ -93,7 +93,8 @@ class Opened:
 
     def plots_drawn(self):
         """Go to each plot of the page until it is drawn, and back to the top; return their number."""
-        until(self.page, f"{DRAWN} || {LEFT}.scrollIntoView()")
+        # scrolling may return a promise, which is no answer
+        until(self.page, f"(() => {{ const left = {LEFT}; left?.scrollIntoView(); return !left; }})()")
         self.page.evaluate("window.scrollTo(0, 0)")
         return self.page.locator("#page [data-figure]").count()
 

@@ -19,6 +19,7 @@ from consilience.engine import Profile, Question, Route
 from consilience.errors import InvalidInput
 from consilience.report import wording
 from consilience.report.cases import unwrapped
+from consilience.report.figure import LEGEND, title_of
 from consilience.report.html import OF_CASE, render_html
 from consilience.report.markdown import render_markdown
 from consilience.report.packs import packed
@@ -567,6 +568,22 @@ def test_no_character_of_what_is_packed_can_end_its_element():
 
 def test_digits_are_none_where_not_even_the_first_is_right():
     assert [wording.digits_text(d) for d in (12.34, -0.7, None)] == ["12.3", "0.0", wording.DASH]
+
+
+def test_an_order_that_rounds_to_zero_has_no_sign():
+    assert [wording.order_text(order) for order in (-0.004, 0.004, -1.0, None)] == [
+        "0.00",
+        "0.00",
+        "-1.00",
+        wording.DASH,
+    ]
+
+
+def test_a_long_name_of_a_method_takes_several_lines_of_a_legend():
+    name = "constraint solver of rows & " * 4 + "stepping of the harness"
+    lines = title_of({"method": name, "profile": "matched"}, ", order 2.00").split("<br>")
+    assert max(map(len, lines)) <= LEGEND + len("&amp;&amp;&amp;")
+    assert " ".join(lines) == f"{name}, order 2.00".replace("&", "&amp;")
 
 
 def test_names_are_text_in_markdown(hostile):

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from html import escape
 from math import isfinite
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,9 @@ DASHES = ("2px,5px", "longdashdot", "dashdot", "dot", "dash", "solid")
 """Dashes of the levels, coarse to fine; six levels at most."""
 
 MARKERS = ("circle", "square", "diamond", "triangle-up", "x", "star")
+
+LEGEND = 70
+"""Largest number of characters in a line of a legend."""
 
 TIME = {"title": {"text": "time in s"}}
 """Axis of time."""
@@ -44,9 +48,10 @@ def grid(times: Sequence[float]) -> Figure:
     return {"x": [float(f"{t:.6g}") for t in times]}
 
 
-def title_of(comparison: dict[str, Any]) -> str:
-    """Name a method in a legend: escaped; a default method is labelled."""
-    return escape(method_title(comparison["method"], is_matched(comparison)), quote=False)
+def title_of(comparison: dict[str, Any], more: str = "") -> str:
+    """Name a method in a legend: escaped, in lines that half a page has room for; a default method is labelled."""
+    title = method_title(comparison["method"], is_matched(comparison)) + more
+    return "<br>".join(escape(line, quote=False) for line in wrap(title, LEGEND))
 
 
 def log_axis(title: str) -> Figure:

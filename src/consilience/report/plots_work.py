@@ -68,7 +68,7 @@ def _precision(
                 "x": compact([x for x, _, _ in placed]),
                 "y": compact([largest for _, _, largest in placed]),
                 "text": [level_text(level["step"], method) for _, level, _ in placed],
-                "name": title_of(comparison) + own,
+                "name": title_of(comparison, own),
                 "legendgroup": escape(engine),
                 "legendgrouptitle": {"text": escape(engine)},
                 "mode": "lines+markers",

@@ -329,7 +329,7 @@ def level_text(step: float | None, method: dict[str, Any]) -> str:
 
 def order_text(value: float | None) -> str:
     """Write an observed order to two decimals; a dash for None."""
-    return DASH if value is None else f"{value:.2f}"
+    return DASH if value is None else f"{value:z.2f}"
 
 
 def nested(value: Any) -> str:
