@@ -72,6 +72,11 @@ def drill_down(opened, view, told):
     told(f"{len(view.cells)} cells, {layers} layers, {gauges} scales with bars, settings of {settings} answers")
 
 
+SCROLLED = """[...document.querySelectorAll('#page .legend .scrollbar')]
+  .filter((bar) => bar.getBoundingClientRect().height > 0).length"""
+"""Number of legends of which a plot shows a part."""
+
+
 def plots(opened, view, told):
     """Every kind of plot is drawn, on all case pages and for one cell each."""
     opened.go()
@@ -81,6 +86,8 @@ def plots(opened, view, told):
         for anchor in (case.anchor, cell.anchor):
             opened.turn(f"#{anchor}", f"#page h2:has-text({case.name!r})")
             drawn += opened.plots_drawn()
+            if opened.page.evaluate(SCROLLED):
+                yield f"{anchor}: a legend has no room"
             kinds |= set(
                 opened.page.eval_on_selector_all(
                     "#page [data-figure]", "all => all.map(p => p.dataset.figure.split('.')[0])"

@@ -539,10 +539,13 @@ def shape_of(figure):
     return figure | {"data": data}
 
 
-def test_figures_have_a_colour_a_method_a_dash_a_level_and_gaps_for_zeros(everything):
+def test_figures_have_a_colour_an_engine_a_marker_a_method_a_dash_a_level_and_gaps_for_zeros(everything):
     figure = figures(everything)["difference.swing.good"]
     assert [t["line"]["dash"] for t in figure["data"][:5]] == ["dot", "dash", "solid", "dash", "solid"]
-    assert len({t["line"]["color"] for t in figure["data"][:5]}) == 2
+    looks = {(t["line"]["color"], t["marker"]["color"], t["marker"]["symbol"]) for t in figure["data"][:5]}
+    work = [t for t in figures(everything)["work.swing"]["data"] if t["legendgroup"] == "good"]
+    assert looks == {(t["line"]["color"], t["marker"]["color"], t["marker"]["symbol"]) for t in work}
+    assert len(looks) == 2
     assert figure["data"][0]["y"][0] is None
     assert (figure["data"][0]["x0"], figure["data"][0]["dx"]) == (0.0, 2.5)
     assert figure["layout"]["yaxis"]["type"] == "log"

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from consilience.compare.judge import REFERENCE
 from consilience.report.selection import is_matched
 from consilience.report.wording import method_title
 
@@ -52,6 +53,17 @@ def title_of(comparison: dict[str, Any], more: str = "") -> str:
     """Name a method in a legend: escaped, in lines that half a page has room for; a default method is labelled."""
     title = method_title(comparison["method"], is_matched(comparison)) + more
     return "<br>".join(escape(line, quote=False) for line in wrap(title, LEGEND))
+
+
+def colour_of(engine: str, engines: Sequence[str]) -> str:
+    """Return the colour of an engine on all plots of a report; the reference is grey."""
+    return GREY if engine == REFERENCE else COLOURS[engines.index(engine) % len(COLOURS)]
+
+
+def marker_of(method: int, comparison: dict[str, Any]) -> str:
+    """Return the marker of a method by its place among those of its engine; hollow at the engine's defaults."""
+    marker = MARKERS[method % len(MARKERS)]
+    return marker if is_matched(comparison) else f"{marker}-open"
 
 
 def log_axis(title: str) -> Figure:

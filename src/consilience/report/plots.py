@@ -9,22 +9,26 @@ from consilience.compare.horizon import EPS
 from consilience.report.cases import case_figures
 from consilience.report.choice import choice_figure
 from consilience.report.figure import (
-    COLOURS,
     DASHES,
     GREY,
     TIME,
     Figure,
     add_asked,
     add_horizon,
+    colour_of,
     compact,
     figure,
     grid,
+    marker_of,
     title_of,
 )
 from consilience.report.plots_work import step_precision, work_precision
 from consilience.report.record import Record
 from consilience.report.selection import method_of
 from consilience.report.wording import anchor, level_text
+
+DISPLAYED = 8
+"""Largest number of markers of a curve."""
 
 
 def figures(record: Record) -> dict[str, Figure]:
@@ -66,7 +70,11 @@ OF_CASE = {"horizon": horizon, "work": work_precision, "steps": step_precision}
 
 def differences(compared: Sequence[dict[str, Any]], record: Record, digits: int) -> Figure:
     """Draw differences to the reference, the band of each finest level, and the uncertainty of the reference."""
-    traces = [*_over_time(compared, record, "difference"), *_bands(compared), *_uncertainty(compared[0])]
+    traces = [
+        *_over_time(compared, record, "difference"),
+        *_bands(compared, list(record.header["engines"])),
+        *_uncertainty(compared[0]),
+    ]
     found = figure(traces, TIME, "difference to the reference")
     add_asked(found, digits)
     add_horizon(found, compared[0])
@@ -81,9 +89,10 @@ def energies(compared: Sequence[dict[str, Any]], record: Record) -> Figure:
 
 
 def _over_time(compared: Sequence[dict[str, Any]], record: Record, name: str) -> list[Figure]:
-    """Draw a field of every level over time: a colour for each method, a dash for each level, the finest solid."""
+    """Draw a field of every level over time: markers for each method, a dash for each level, the finest solid."""
     traces = []
     for n, comparison in enumerate(compared):
+        colour = colour_of(comparison["engine"], list(record.header["engines"]))
         method, levels = method_of(record.runs_of(comparison)), comparison["levels"]
         for k, level in enumerate(levels):
             dash = DASHES[max(0, len(DASHES) - len(levels) + k)]
@@ -92,10 +101,11 @@ def _over_time(compared: Sequence[dict[str, Any]], record: Record, name: str) ->
                     **grid(comparison["times"]),
                     "y": compact(level[name]),
                     "name": level_text(level["step"], method),
-                    "mode": "lines",
+                    "mode": "lines+markers",
                     "legendgroup": str(n),
                     "legendgrouptitle": {"text": title_of(comparison)},
-                    "line": {"color": COLOURS[n % len(COLOURS)], "dash": dash, "width": 1.6},
+                    "line": {"color": colour, "dash": dash, "width": 1.6},
+                    "marker": _markers(n, comparison, colour),
                     "hovertemplate": "%{x:.3g} s: %{y:.2e}",
                 }
             )
@@ -110,15 +120,22 @@ def _level_line(comparison: dict[str, Any], value: float, **more: Any) -> Figure
     return {"x": [start, judged], "y": [height, height], "mode": "lines", "hovertemplate": "%{y:.2e}", **more}
 
 
-def _bands(compared: Sequence[dict[str, Any]]) -> list[Figure]:
-    """Draw the uncertainty of the finest level of each method, in the colour of the method."""
+def _markers(method: int, comparison: dict[str, Any], colour: str) -> Figure:
+    """Return the markers of a method, as in the plots of work and precision, at some samples of a curve."""
+    return {"symbol": marker_of(method, comparison), "size": 7, "color": colour, "maxdisplayed": DISPLAYED}
+
+
+def _bands(compared: Sequence[dict[str, Any]], engines: list[str]) -> list[Figure]:
+    """Draw the uncertainty of the finest level of each method, between the markers of the method."""
     return [
         _level_line(
             comparison,
             comparison["band"],
             name="band of the finest",
             legendgroup=str(n),
-            line={"color": COLOURS[n % len(COLOURS)], "dash": "1px,3px", "width": 2.2},
+            mode="lines+markers",
+            line={"color": (colour := colour_of(comparison["engine"], engines)), "dash": "1px,3px", "width": 2.2},
+            marker=_markers(n, comparison, colour),
         )
         for n, comparison in enumerate(compared)
         if comparison["band"]

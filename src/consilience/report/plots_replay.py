@@ -13,7 +13,7 @@ import numpy as np
 
 from consilience.compare.judge import REFERENCE
 from consilience.report.curves import FLOOR, CurveSet
-from consilience.report.figure import COLOURS, GREY, MARKERS, TIME, Figure, figure, log_axis
+from consilience.report.figure import GREY, MARKERS, TIME, Figure, colour_of, figure, log_axis
 from consilience.report.record import Record
 from consilience.report.wording import anchor
 
@@ -121,7 +121,7 @@ def _markers(along: dict[str, Any], panel: str, axis: str, engines: Sequence[str
                 "name": escape(engine),
                 "yaxis": axis,
                 "mode": "markers",
-                "marker": {"color": COLOURS[k % len(COLOURS)], "symbol": MARKERS[k % len(MARKERS)], "size": 5},
+                "marker": {"color": colour_of(engine, engines), "symbol": MARKERS[k % len(MARKERS)], "size": 5},
                 "hovertemplate": f"%{{x:.3g}} s: %{{y:.5g}} {'N' if part == 'force' else 'N m'}",
             }
 
@@ -135,7 +135,7 @@ def drift(along: dict[str, Any], engines: list[str]) -> Figure:
             "name": escape(engine),
             "mode": "lines",
             "line": {
-                "color": GREY if engine == REFERENCE else COLOURS[engines.index(engine) % len(COLOURS)],
+                "color": colour_of(engine, engines),
                 "dash": DASHES[engines.index(engine) % len(DASHES)],
                 "width": 1.8,
             },

@@ -6,10 +6,9 @@ from collections.abc import Callable
 from html import escape
 from typing import Any
 
-from consilience.compare.judge import REFERENCE
-from consilience.report.figure import COLOURS, GREY, MARKERS, Figure, add_asked, compact, figure, log_axis, title_of
+from consilience.report.figure import Figure, add_asked, colour_of, compact, figure, log_axis, marker_of, title_of
 from consilience.report.record import Record
-from consilience.report.selection import is_matched, mean_step, method_of, tried_levels
+from consilience.report.selection import mean_step, method_of, tried_levels
 from consilience.report.wording import level_text, order_text
 
 
@@ -51,7 +50,7 @@ def _precision(
     traces, seen = [], dict.fromkeys(engines, 0)
     for comparison in sorted(record.motions(case["name"]), key=lambda c: engines.index(c["engine"])):
         engine, method = comparison["engine"], method_of(record.runs_of(comparison))
-        marker = MARKERS[seen[engine] % len(MARKERS)]
+        marker = marker_of(seen[engine], comparison)
         seen[engine] += 1
         placed = [
             (x, level, largest)
@@ -60,7 +59,7 @@ def _precision(
         ]
         if not placed:
             continue
-        colour = GREY if engine == REFERENCE else COLOURS[engines.index(engine) % len(COLOURS)]
+        colour = colour_of(engine, engines)
         stated = orders and method.get("substeps") and comparison["order"] is not None
         own = f", order {order_text(comparison['order'])}" if stated else ""
         traces.append(
@@ -73,11 +72,7 @@ def _precision(
                 "legendgrouptitle": {"text": escape(engine)},
                 "mode": "lines+markers",
                 "line": {"color": colour, "width": 1.2},
-                "marker": {
-                    "symbol": marker if is_matched(comparison) else f"{marker}-open",
-                    "size": 9,
-                    "color": colour,
-                },
+                "marker": {"symbol": marker, "size": 9, "color": colour},
                 "hovertemplate": "%{text}<br>%{x:.2g} s, %{y:.2e}",
             }
         )

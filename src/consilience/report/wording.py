@@ -233,8 +233,9 @@ CAPTIONS: dict[str, str] = {
     "choice": "The best motion of each case with matched settings: digits at its finest level over CPU time. Upper "
     "left is better. One colour an engine; hollow: by the harness's integrator. Classes by the tags of the cases.",
     "difference": "Difference to the reference over time: position over the size of the motion, or angle in rad, "
-    "whichever is larger. One colour a method, one dash a level, the finest solid. Dotted, level: the band of the "
-    "finest level, and in grey the uncertainty of the reference. Shaded: past the horizon, not judged.",
+    "whichever is larger. One marker a method, hollow at the engine's defaults; one dash a level, the finest solid. "
+    "Dotted, level: the band of the finest level, and in grey the uncertainty of the reference. Shaded: past the "
+    "horizon, not judged.",
     "energy": "Change of the total energy since the start over the largest kinetic energy, recomputed from the motion "
     "by the same code for every engine.",
     "coordinates": "Joint coordinates over time by the reference, full turns counted. Samples are halved until the "
