@@ -259,6 +259,9 @@ CUT = """() => [...document.querySelectorAll('body *')].filter((e) => {
 }).map((e) => `${e.tagName.toLowerCase()}.${e.className}: ${e.textContent.trim().slice(0, 60)}`)"""
 """Elements that a sheet of paper cuts off, or that hide a part of themselves."""
 
+HEADLESS = "[...document.querySelectorAll('thead th')].filter((head) => head.offsetWidth && !head.innerText.trim()).length"
+"""Number of heads of columns that show no text."""
+
 
 def printing(opened, view, told):
     """Printed, nothing is cut off, and all parts that a reader can unfold are open."""
@@ -283,6 +286,8 @@ def printing(opened, view, told):
         page.wait_for_timeout(400)
         shown += 1
         yield from (f"#{anchor}: cut: {text}" for text in page.evaluate(CUT)[:5])
+        if page.evaluate(HEADLESS):
+            yield f"#{anchor}: a column has lost its head"
         if page.locator("#page details:not([open])").count():
             yield f"#{anchor}: a part stays folded"
         page.emulate_media(media="screen")
