@@ -259,7 +259,8 @@ CUT = """() => [...document.querySelectorAll('body *')].filter((e) => {
 }).map((e) => `${e.tagName.toLowerCase()}.${e.className}: ${e.textContent.trim().slice(0, 60)}`)"""
 """Elements that a sheet of paper cuts off, or that hide a part of themselves."""
 
-HEADLESS = "[...document.querySelectorAll('thead th')].filter((head) => head.offsetWidth && !head.innerText.trim()).length"
+HEADLESS = """[...document.querySelectorAll('thead th')]
+  .filter((head) => head.offsetWidth && !head.innerText.trim()).length"""
 """Number of heads of columns that show no text."""
 
 
