@@ -6,7 +6,7 @@ from typing import Any
 
 from consilience.engine import Method, Route
 from consilience.mechanism import Mechanism
-from consilience_exudyn.contact_motion import BOUNCE, DAMPING, LINEAR, OVERDAMPED, RIGID
+from consilience_exudyn.contact_motion import BOUNCE, DAMPING, LINEAR, OVERDAMPED, RESOLVED, RIGID
 from consilience_exudyn.library import CONTACT_SETTINGS
 
 STEPS, BOUNCING_STEPS, EXTRAPOLATED_STEPS = (50, 100, 200), (500, 1000, 2000), (10, 20, 40)
@@ -21,7 +21,7 @@ def contact_methods(mechanism: Mechanism) -> tuple[Method, ...]:
     bounces = any(element.restitution > 0.0 for element in (*mechanism.contacts, *mechanism.stops))
     law = _CIRCLE if mechanism.contacts else ""
     steps = BOUNCING_STEPS if bounces or mechanism.stops else STEPS
-    settings = _settings(mechanism, f"{LINEAR:g}/(h s A), s the sample interval")
+    settings = _settings(mechanism, f"{BOUNCE:g}/A 1/s^2", f"{LINEAR:g}/(h s A), s the sample interval")
     motion = Method("ExplicitRungeKutta44", Route.TUNED, 1, steps, settings=settings, softness=1.0, contact_law=law)
     if bounces or not mechanism.contacts:
         return (motion,)
@@ -30,17 +30,17 @@ def contact_methods(mechanism: Mechanism) -> tuple[Method, ...]:
         Route.EXTRAPOLATED,
         HALVINGS,
         EXTRAPOLATED_STEPS,
-        settings=_settings(mechanism, f"{RIGID:g}/(h^2 A)"),
+        settings=_settings(mechanism, f"{RESOLVED**2:g}/(h^2 A)", f"{RIGID:g}/(h^2 A)"),
         contact_law=law,
     )
     return (motion, finer)
 
 
-def _settings(mechanism: Mechanism, closed: str) -> dict[str, Any]:
-    """Describe the settings; `closed` is the stiffness of contacts that stay closed, A the inverse inertia."""
+def _settings(mechanism: Mechanism, hits: str, closed: str) -> dict[str, Any]:
+    """Describe the settings, with the stiffness of contacts that hit and of those that stay closed; A: see below."""
     found: dict[str, Any] = {**CONTACT_SETTINGS, "solution.sensors.writePeriod": "the step"}
     if mechanism.contacts or mechanism.stops:
-        found["contactStiffness"] = f"{BOUNCE:g}/A 1/s^2 for what hits; else {closed}, A the inverse inertia"
+        found["contactStiffness"] = f"{hits} for what hits; else {closed}, A the inverse inertia"
         found["contactDamping"] = f"{OVERDAMPED:g} roots of stiffness over A for what hits; else {DAMPING:g}"
         found["impactModel"] = "2 with restitution"
     if mechanism.contacts or mechanism.dry_frictions:

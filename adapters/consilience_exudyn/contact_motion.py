@@ -7,7 +7,8 @@ inertia A that a contact sees together with all others:
 =======================  ======================================================================================
 closed, no restitution   stiffness ``2 / (h^2 A)`` in motions that are extrapolated, else ``50 / (h s A)``, s the
                          sample interval, for overlaps in proportion to h; damping 0.8 roots of the stiffness over A
-others                   stiffness `BOUNCE` over A; without restitution the damping of `OVERDAMPED`
+others                   stiffness `BOUNCE` over A, or in motions that are extrapolated that of the frequency
+                         `RESOLVED` over the step; without restitution the damping of `OVERDAMPED`
 friction                 zone ``h mu N G``, G the tangential inverse inertia, N a bound of the normal force
 =======================  ======================================================================================
 
@@ -71,7 +72,7 @@ _STABLE = 2.0
 _RATE = 1.5
 """Largest rate of a damper or of friction below its zone, times the step: the inertia of a tree changes as it moves."""
 
-_RESOLVED = 0.2
+RESOLVED = 0.2
 """Largest frequency of a contact that hits, times the step."""
 
 _HITS = 5.0
@@ -98,21 +99,22 @@ class _Step:
     step : float, s
     rigid : float, 1/s^2
         Stiffness of contacts that stay closed, over the inertia.
-    softness : float
-        Of contacts that hit.
+    softness : float or None
+        Of contacts that hit; None in motions that are extrapolated, whose numbers all follow the step alike.
     room : float, m
         That a motion needs on planes.
     """
 
     step: float
     rigid: float
-    softness: float
+    softness: float | None
     room: float
 
     @property
     def stiffness(self) -> float:
         """Stiffness of contacts that hit, over the inertia, 1/s^2."""
-        return min(BOUNCE / self.softness**2, (_RESOLVED / self.step) ** 2)
+        resolved = (RESOLVED / self.step) ** 2
+        return resolved if self.softness is None else min(BOUNCE / self.softness**2, resolved)
 
     @property
     def damping(self) -> float:
@@ -190,7 +192,7 @@ def contact_motion(
     rigid = RIGID / step**2
     if softness is not None:
         rigid = min(rigid, LINEAR / (step * float(times[1] - times[0])))
-    at = _Step(step, rigid, softness or 1.0, _room(mechanism, state, float(times[-1] - times[0])))
+    at = _Step(step, rigid, softness, _room(mechanism, state, float(times[-1] - times[0])))
     seen = _contacts_at_start(mechanism, state)
     bounds = [one.bound(at) for one in seen]
     for _ in range(_ATTEMPTS):

@@ -199,6 +199,15 @@ def test_a_ladder_keeps_its_speed_after_it_has_left_the_wall():
     close((LAB.centre(answer)[1][:2],), ([1.18993761819162, 0.0],), 1e-4)
 
 
+def test_a_rod_falls_over_whose_upper_end_would_touch_too():
+    """``w^2 = 3 g/l (cos th_0 - cos th)`` while the lower end sticks: numbers of both ends follow the step alike."""
+    mechanism = LAB.free_body(1.0, (1 / 12, 1 / 12, 1e-4), LEVEL, LAB.points([[0, 0, -0.5], [0, 0, 0.5]], friction=0.3))
+    state = LAB.state([0.5 * np.sin(0.2), 0, 0.5 * np.cos(0.2)], [0, 0, 0], turn=turned(0, 0.2, 0))
+    place, velocity = LAB.centre(motion(mechanism, state, 0.3, 6, kind=Route.EXTRAPOLATED))[:2]
+    w = np.linalg.norm(velocity) / 0.5
+    assert w**2 == pytest.approx(3 * G * (np.cos(0.2) - place[2] / 0.5), rel=1e-6)
+
+
 def test_a_sphere_that_falls_through_its_plane_is_refused():
     mechanism = LAB.free_body(1.0, BALL, LEVEL, LAB.points(FEET))
     numbers = [Penalty(1e6, 1e3, 1e-3, radius=1e-3)] * 3
