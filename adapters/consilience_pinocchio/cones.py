@@ -72,16 +72,28 @@ def _hinge() -> tuple[Any, Any]:
     return model, joints
 
 
-def _model(of: ForceSet) -> Any:
+def _model(of: ForceSet, unit: float) -> Any:
+    """Return the constraint model of a set, of forces in a unit."""
     model, joints = _hinge()
     if isinstance(of, Interval):
-        return pin.JointFrictionConstraintModel(model, joints, np.array([of.lower]), np.array([of.upper]))
+        bounds = np.array([of.lower]) / unit, np.array([of.upper]) / unit
+        return pin.JointFrictionConstraintModel(model, joints, *bounds)
     ends = model, 0, pin.SE3.Identity(), 1, pin.SE3.Identity()
     if isinstance(of, Anchor):
         return pin.PointAnchorConstraintModel(*ends)
     contact = pin.PointContactConstraintModel(*ends)
     contact.setFriction(of.friction)
     return contact
+
+
+def _models(sets: Sequence[ForceSet], unit: float = 1.0) -> tuple[Any, Any]:
+    """Return the constraint models of sets, of forces in a unit, and their data."""
+    models, data = pin.StdVec_ConstraintModel(), pin.StdVec_ConstraintData()
+    for one in sets:
+        models.append(_model(one, unit))
+    for model in models:
+        data.append(model.createData())
+    return models, data
 
 
 class ConeSolver:
@@ -128,25 +140,20 @@ class ConeSolver:
             The solver does not converge.
         """
         if self._sets != tuple(sets):
-            self._sets = tuple(sets)
-            self._models, self._data = pin.StdVec_ConstraintModel(), pin.StdVec_ConstraintData()
-            for one in sets:
-                self._models.append(_model(one))
-            for model in self._models:
-                self._data.append(model.createData())
+            self._sets, self._kept = tuple(sets), _models(sets)
         scale = float(np.max(np.abs(y), initial=0.0))
         if scale == 0.0:
             return np.zeros(len(y))
-        for most in (FEW_ITERATIONS, MOST_ITERATIONS):
+        # beside data far from one, dependent rows can end with no finite residual
+        for most, unit in ((FEW_ITERATIONS, 1.0), (MOST_ITERATIONS, 1.0), (MOST_ITERATIONS, scale)):
             self._settings.max_iterations = most
             result = pin.ADMMSolverResult()
+            models, data = self._kept if unit == 1.0 else _models(sets, unit)
             # the operator keeps the solver's penalty on its diagonal: a new one for each call
             operator, solver = pin.DelassusOperatorDense(G), pin.ADMMConstraintSolver()
-            met = solver.solve(operator, y, self._models, self._data, self._settings, result)
+            met = solver.solve(operator, y / unit, models, data, self._settings, result)
             self.iterations += int(result.iterations)
-            worst = max(result.primal_feasibility, result.dual_feasibility, result.complementarity)
-            if met or worst <= self.enough * scale:
-                break
-        if not met and not worst <= ACCEPTED * scale:
-            raise ArithmeticError(f"ADMMConstraintSolver stops at a residual of {worst:.1e}, data of {scale:.1e}")
-        return np.array(result.retrieveConstraintImpulses())
+            worst = unit * max(result.primal_feasibility, result.dual_feasibility, result.complementarity)
+            if met or worst <= (self.enough if most == FEW_ITERATIONS else ACCEPTED) * scale:
+                return unit * np.array(result.retrieveConstraintImpulses())
+        raise ArithmeticError(f"ADMMConstraintSolver stops at a residual of {worst:.1e}, data of {scale:.1e}")

@@ -37,7 +37,7 @@ from consilience.mechanism import (
 )
 from consilience.reference.contact import simulate_with_contacts
 from consilience_pinocchio import PinocchioEngine
-from consilience_pinocchio.cones import Circle, ConeSolver, Interval
+from consilience_pinocchio.cones import ONE_SIDED, Circle, ConeSolver, Interval
 from consilience_pinocchio.export import export_model
 from contact_problems import LEVEL, G, Lab, incline, pendulum, turned
 
@@ -486,3 +486,11 @@ def test_the_solver_s_traps():
     first = solver.forces(G2, np.array([1.0, 0.0, -4.0]), [Circle(0.2)])
     np.testing.assert_allclose(first, [-0.4, 0.0, 2.0], atol=1e-12)
     np.testing.assert_allclose(solver.forces(G2, np.array([1.0, 0.0, -4.0]), [Circle(0.2)]), first, atol=1e-12)
+
+
+@pytest.mark.parametrize("push", [5.0, 1450.0, 2700.0])
+def test_a_stop_beside_dry_friction_takes_all_that_friction_does_not(push):
+    """Both act on one coordinate: ``f_1 + f_2`` is determined, whatever the size of the data."""
+    forces = ConeSolver().forces(np.full((2, 2), 1.07955), np.full(2, -push), [ONE_SIDED, Interval(-0.2, 0.2)])
+    assert np.sum(forces) == pytest.approx(push / 1.07955, rel=1e-9)
+    assert abs(forces[1]) < 0.2 + 1e-9
