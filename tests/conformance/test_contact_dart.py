@@ -121,6 +121,19 @@ def test_a_block_thrown_across_an_incline_turns_to_the_slope():
     np.testing.assert_allclose(v[:2], [1.11348200821546, 0.155833579558169], atol=3e-6)
 
 
+def test_a_ball_that_two_walls_hold_rolls_down_its_trough():
+    """``g sin a/(1 + 0.4/cos^2 45)``: the friction of each wall is not determined, and the solver finds some."""
+    a, walls = np.radians(20.0), [LAB.axes @ np.array([0.0, s, 1.0]) / np.sqrt(2.0) for s in (1.0, -1.0)]
+    contacts = [
+        SpherePlane(f"wall {k}", "body", LAB.com, 0.1, GROUND, LAB.origin, wall, friction=0.5)
+        for k, wall in enumerate(walls)
+    ]
+    mechanism = LAB.free_body(2.0, (0.008,) * 3, (G * np.sin(a), 0.0, -G * np.cos(a)), contacts)
+    start = LAB.state((0.0, 0.0, 0.1 * np.sqrt(2.0)), np.zeros(3))
+    _, velocity, _ = LAB.centre(move(mechanism, start, np.linspace(0.0, 1.0, 21), 0.0025))
+    np.testing.assert_allclose(velocity, [G * np.sin(a) / 1.8, 0.0, 0.0], atol=1e-4)
+
+
 def test_bowling_rolls_with_what_slipping_leaves():
     state = LAB.state((0.0, 0.0, 0.11), (3.0, 1.0, 0.0), (25.0, 10.0, 40.0))
     errors = []
