@@ -62,6 +62,14 @@ def test_motions_from_event_to_event_lie_within_the_band_of_time_stepping(seed):
     assert f"1 of the 1 compared lie within the band; {found.events} events" in summary([found])
 
 
+def test_a_step_in_which_friction_jams_under_the_rebound_goes_on_without_it():
+    """Drift makes a resting contact approach; from event to event it rests."""
+    mechanism, start = random_contacts(117)
+    motion, _ = simulate_with_contacts(mechanism, start, TIMES, 1e-10, "moreau")
+    steps = step_with_contacts(mechanism, start, TIMES, 16)
+    np.testing.assert_allclose(steps.p_WB, motion.p_WB, atol=1e-3)
+
+
 def test_what_breaks_away_at_a_vertex_of_a_pyramid_slips_once():
     """Slip of rounding has no direction: at another vertex friction would drive it, and it would stick again."""
     mechanism, start = random_contacts(250)

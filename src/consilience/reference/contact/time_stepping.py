@@ -8,7 +8,7 @@ whose gap is closed at q_m take part in one problem for the impulses p of a step
 
 with f, Q and J at q_m. It knows no modes, no accelerations of contacts, no events and no headings: impacts, sliding and
 sticking are the same problem. Its impacts are Moreau's (`impulse`): e is zero of what approaches no faster than the
-forces of one step make it, and a row that parts faster than that takes no part, as in an impact between steps. Errors
+forces of one step make it, and where friction jams under the rebound; a row that parts faster takes no part. Errors
 are of order one in h; between impacts they have an expansion in h, and an impact comes at a random place within a step.
 
 The problem is solved by successive projections (`projections`). Where they converge slowly, a search for modes takes
@@ -127,12 +127,14 @@ class _Scheme:
         rebound[self._normals] = np.where(before < -made, layout.rebounds(-before) * before, 0.0)
         act = np.zeros(len(free), dtype=np.bool_)
         act[self._normals[closed]] = True
-        offsets = h * equations.offsets
-        p = np.where(act, self._p, 0.0)
-        G, free = response.K @ response.K.T, free + rebound
-        if not project_impulses(G, free, self._law, offsets, act, SWEEPS, p):
-            p = self._patiently((G, free, offsets, act, p), response, closed)
-        parts = (free + G @ p - rebound)[self._normals] > _PARTS * float(np.max(np.abs(free), initial=0.0))
+        try:
+            p = self._impulses(response, free + rebound, h * equations.offsets, act, closed)
+        except NumericalFailure:  # friction jams under the rebound; there are impulses without it
+            if not np.any(rebound):
+                raise
+            p = self._impulses(response, free, h * equations.offsets, act, closed)
+        after_rows = free + response.K @ (response.K.T @ p)
+        parts = after_rows[self._normals] > _PARTS * float(np.max(np.abs(free), initial=0.0))
         self._rests = closed & ~parts
         self._p, self.impulse = p, self.impulse + p + h * response.given
         y[: self.bodies, 7:13] = (after + equations.inverse.T @ (response.K.T @ p)).reshape(-1, 6)
@@ -140,9 +142,11 @@ class _Scheme:
         self._project(t + h, y)
         count_turns(self._model, y, self._ws, self._turns)
 
-    def _patiently(self, given: tuple[Array, Array, Array, Array, Array], response: Response, closed: Array) -> Array:
-        """Return the impulses of a step in which projections converge slowly."""
-        G, free, offsets, act, p = given
+    def _impulses(self, response: Response, free: Array, offsets: Array, act: Array, closed: Array) -> Array:
+        """Return the impulses of a step."""
+        G, p = response.K @ response.K.T, np.where(act, self._p, 0.0)
+        if project_impulses(G, free, self._law, offsets, act, SWEEPS, p):
+            return p
         try:
             if not any(one.associated for one in self.equations.layout.friction):
                 return self._decided(response, free, offsets, closed)
