@@ -86,6 +86,14 @@ def test_forces_that_are_open_and_load_what_slides_leave_the_motion_open(seed, i
     assert instant in found.message
 
 
+def test_friction_that_jams_under_a_rebound_alone_is_told_as_such():
+    """Impulses without rebound always exist (Stewart and Trinkle 1996)."""
+    found = compare(7)
+    assert found.reason == "painleve"
+    assert found.message.startswith("t = 0 s: contact 'contact_0', contact 'contact_1'")
+    assert "jams (Painleve) under the rebound" in found.message
+
+
 def test_a_mechanism_that_takes_too_long_costs_the_others_nothing():
     found = list(campaign([24, 32], limit=0.2))
     assert [(one.seed, one.reason, one.agrees) for one in found] == [(24, "timed out", False), (32, "timed out", False)]

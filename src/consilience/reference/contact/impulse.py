@@ -32,6 +32,8 @@ from consilience.reference.contact.routh import poisson_path
 
 LAWS = ("newton", "moreau", "poisson")
 
+JAMMED = "friction jams (Painleve) under the rebound that restitution asks for; without rebound it does not"
+
 
 @dataclass(frozen=True, eq=False)
 class ImpulseSolution:
@@ -139,10 +141,25 @@ def _modes_by_moreau(problem: ContactProblem, restitution: Array) -> Iterator[tu
 def _moreau(problem: ContactProblem, restitution: Array) -> ImpulseSolution:
     rebound = np.zeros(len(problem.free))
     rebound[list(problem.normals)] = restitution * np.minimum(problem.free[list(problem.normals)], 0.0)
-    decision = decide(replace(problem, free=problem.free + rebound))
+    try:
+        decision = decide(replace(problem, free=problem.free + rebound))
+    except NumericalFailure as failure:
+        if "(Painleve)" in str(failure) and np.any(rebound) and _is_solvable(problem):
+            names = ", ".join(dict.fromkeys(problem.names))
+            raise NumericalFailure(f"{names}: {JAMMED}") from failure
+        raise
     return ImpulseSolution(
         decision.force, problem.acceleration(decision.force), _names(problem, decision.force), decision.unique
     )
+
+
+def _is_solvable(problem: ContactProblem) -> bool:
+    """Return whether there are impulses without rebound."""
+    try:
+        decide(problem)
+    except NumericalFailure:
+        return False
+    return True
 
 
 def _convex(problem: ContactProblem, restitution: Array) -> ImpulseSolution:
