@@ -7,8 +7,7 @@ inertia A that a contact sees together with all others:
 =======================  ======================================================================================
 closed, no restitution   stiffness ``2 / (h^2 A)`` in motions that are extrapolated, else ``50 / (h s A)``, s the
                          sample interval, for overlaps in proportion to h; damping 0.8 roots of the stiffness over A
-others                   stiffness `BOUNCE` over A, or in motions that are extrapolated that of the frequency
-                         `RESOLVED` over the step; without restitution the damping of `OVERDAMPED`
+others                   stiffness `BOUNCE`, extrapolated ``(RESOLVED/h)^2``, over A; damping `OVERDAMPED` if e = 0
 friction                 zone ``h mu N G``, G the tangential inverse inertia, N a bound of the normal force
 =======================  ======================================================================================
 
@@ -113,8 +112,7 @@ class _Step:
     @property
     def stiffness(self) -> float:
         """Stiffness of contacts that hit, over the inertia, 1/s^2."""
-        resolved = (RESOLVED / self.step) ** 2
-        return resolved if self.softness is None else min(BOUNCE / self.softness**2, resolved)
+        return min(BOUNCE / self.softness**2 if self.softness else np.inf, (RESOLVED / self.step) ** 2)
 
     @property
     def damping(self) -> float:
