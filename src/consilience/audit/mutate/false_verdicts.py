@@ -16,6 +16,7 @@ from consilience.audit.mutate.stated_power import PASSED, JudgedEngine, PlantedE
 from consilience.case import Case
 from consilience.compare import Verdict
 from consilience.compare.judge import REFERENCE, reference_motion
+from consilience.compare.other_methods import reconsidered
 from consilience.compare.power import MEASURED
 from consilience.engine import Profile, Question
 from consilience.engine.worker.client import InProcessEngine, Worker
@@ -98,6 +99,9 @@ def _trial(seed: int, judged: JudgedEngine, question: Question, rng: np.random.G
     found = judged.compared(question, method)
     if found is None:
         return
+    if found.verdict is Verdict.MODEL:  # in a run the other methods may show that a solver is to blame
+        others = [judged.compared(question, m) for m in judged.asked.plan.methods.get(question, ()) if m is not method]
+        found = reconsidered([found, *(o for o in others if o is not None)])[0]
     stated, error, factor = [p for p in found.power if not p.missed], "", 0.0
     if found.verdict in PASSED and stated and rng.random() < 0.5:
         power = stated[int(rng.integers(len(stated)))]
