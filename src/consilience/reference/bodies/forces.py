@@ -15,7 +15,7 @@ from consilience.reference.bodies.arrays import Model, Workspace
 from consilience.reference.bodies.joint_rows import CoordinateRow, coordinate
 from consilience.reference.bodies.motion import ZERO, arm, motion, rotations
 from consilience.reference.kernel import functions
-from consilience.reference.kernel.compiled import fused, inlined, inner, kernel
+from consilience.reference.kernel.compiled import fused, inlined, kernel
 from consilience.reference.kernel.vectors import (
     Vector,
     accumulate,
@@ -30,7 +30,7 @@ from consilience.reference.kernel.vectors import (
 )
 
 
-@inner
+@fused
 def _push(f: Array, A: Array, body: int, force: Vector, s: Vector, torque: Vector) -> None:
     """Add a force at the arm s from the centre of mass, and a torque, to the generalised forces of a body.
 
@@ -49,7 +49,7 @@ def _push(f: Array, A: Array, body: int, force: Vector, s: Vector, torque: Vecto
         accumulate(f[6 * body + 3 : 6 * body + 6], rotate_back(A[body], add(torque, cross(s, force))))
 
 
-@inner
+@fused
 def _add_effort(f: Array, A: Array, q: CoordinateRow, effort: float) -> None:
     """Add an effort in a joint coordinate: on the successor, its opposite on the predecessor."""
     e = scale(effort, q.row.e)
@@ -140,7 +140,7 @@ def read(model: Model, y: Array, A: Array, near: Array, value: Array, rate: Arra
         value[n], rate[n] = q.value, q.rate
 
 
-@inner
+@fused
 def spring_force(law: Vector, push: float, d: Vector, v: Vector) -> Vector:
     """Return the force ``(k (L - L0) + c L' - f(t)) e`` on the predecessor for law = (k, c, L0).
 

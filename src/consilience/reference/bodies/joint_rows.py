@@ -90,7 +90,7 @@ def motion_between(i: int, j: int, s_i: Vector, s_j: Vector, body_i: BodyVectors
     return JointMotion(i, j, s_i, s_j, d, d_dot, centripetal, w_i, w_j)
 
 
-@inner
+@fused
 def joint_motion(model: Model, y: Array, A: Array, k: int) -> JointMotion:
     """Return the relative motion of the frames of joint k at a packed state, rotation matrices A of all bodies."""
     i, j = model.body_i[k], model.body_j[k]
@@ -146,7 +146,7 @@ def product_row(u: Vector, w: Vector, m: JointMotion) -> Row:
     return Row(dot(u, w), gamma, ZERO, normal, scale(-1.0, normal))
 
 
-@inner
+@fused
 def basic_row(model: Model, A: Array, m: JointMotion, k: int, kind: int) -> Row:
     """Return one of the thirteen basic constraint rows of joint k; kind indexes `ROWS`.
 
@@ -172,7 +172,7 @@ def full_turns(angle: float, near: float) -> float:
     return angle + TURN * np.round((near - angle) / TURN)
 
 
-@inner
+@fused
 def row_of_angle(cos: Row, sin: Row, m: JointMotion, near: float) -> Row:
     """Return the row of the angle ``atan2(sin, cos)`` within half a turn of `near`; sin and cos share any factor."""
     square = cos.value**2 + sin.value**2
@@ -199,7 +199,7 @@ def row_of_screw(z: Row, turn: Row, pitch: float) -> Row:
     )
 
 
-@inner
+@fused
 def angle_row(model: Model, A: Array, m: JointMotion, k: int, near: float) -> Row:
     """Return the row of the angle of joint k, ``atan2(D21, D11)`` within half a turn of `near`.
 
@@ -233,7 +233,7 @@ def joint_row(model: Model, A: Array, m: JointMotion, k: int, kind: int) -> Row:
     return basic_row(model, A, m, k, kind)
 
 
-@inner
+@fused
 def coordinate(model: Model, y: Array, A: Array, n: int, near: float) -> CoordinateRow:
     """Return joint coordinate n of `Model.coordinate`; angles within half a turn of `near`, of a screw by its Z.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from consilience.mechanism import Array
-from consilience.reference.kernel.compiled import inner, kernel
+from consilience.reference.kernel.compiled import fused, inner, kernel
 from consilience.reference.kernel.vectors import Vector, accumulate, load, rotate, rotate_back, scale
 
 ZERO = (0.0, 0.0, 0.0)
@@ -29,13 +29,13 @@ def rotations(y: Array, A: Array) -> None:
         A[b, 2, 1] = n * 2.0 * (e2 * e3 + e0 * e1)
 
 
-@inner
+@fused
 def arm(A: Array, body: int, s: Vector) -> Vector:
     """Return the world components of a vector given in axes of a body."""
     return rotate(A[body], s) if body >= 0 else s
 
 
-@inner
+@fused
 def motion(y: Array, A: Array, body: int) -> tuple[Vector, Vector, Vector]:
     """Return position and velocity of the centre of mass, and the angular velocity, world axes; zero for the ground."""
     if body < 0:

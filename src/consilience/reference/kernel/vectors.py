@@ -6,12 +6,12 @@ Kernels divide as NumPy does: a quotient by zero is not finite, and the caller i
 from __future__ import annotations
 
 from consilience.mechanism import Array
-from consilience.reference.kernel.compiled import inlined, inner
+from consilience.reference.kernel.compiled import fused, inlined, inner
 
 Vector = tuple[float, float, float]
 
 
-@inner
+@fused
 def load(a: Array) -> Vector:
     """Return the first three entries of an array."""
     return a[0], a[1], a[2]
@@ -29,7 +29,7 @@ def store(a: Array, v: Vector, factor: float) -> None:
     a[0], a[1], a[2] = factor * v[0], factor * v[1], factor * v[2]
 
 
-@inner
+@fused
 def put(a: Array, v: Vector) -> None:
     """Set the first three entries of an array."""
     a[0], a[1], a[2] = v

@@ -8,7 +8,7 @@ Tuples stay on the stack of a compiled kernel. Transformation rules: Featherston
 from __future__ import annotations
 
 from consilience.mechanism import Array
-from consilience.reference.kernel.compiled import inner
+from consilience.reference.kernel.compiled import fused, inner
 from consilience.reference.kernel.vectors import Vector, add, dot, load
 
 Six = tuple[float, float, float, float, float, float]
@@ -18,7 +18,7 @@ Columns = tuple[Vector, Vector, Vector]
 """A 3 x 3 matrix by columns."""
 
 
-@inner
+@fused
 def matrix_times(X: Columns, a: Vector) -> Vector:
     """Return ``X a``."""
     return (
@@ -28,7 +28,7 @@ def matrix_times(X: Columns, a: Vector) -> Vector:
     )
 
 
-@inner
+@fused
 def symmetric_times(J: Six, a: Vector) -> Vector:
     """Return ``J a``."""
     return (
@@ -57,26 +57,26 @@ def rotate_inertia(X: Columns, J: Six) -> Six:
     )
 
 
-@inner
+@fused
 def columns(A: Array) -> Columns:
     """Return a matrix that is stored column by column."""
     return load(A[0]), load(A[1]), load(A[2])
 
 
-@inner
+@fused
 def load_six(a: Array) -> Six:
     """Return six numbers."""
     return a[0], a[1], a[2], a[3], a[4], a[5]
 
 
-@inner
+@fused
 def load_inertia(link: Array, k: int) -> Inertia:
     """Return the articulated inertia of a link."""
     H = link[k].H
     return load_six(link[k].M), (H[0], H[1], H[2], H[3], H[4], H[5], H[6], H[7], H[8]), load_six(link[k].J)
 
 
-@inner
+@fused
 def add_inertia(link: Array, k: int, I: Inertia) -> None:
     """Add to the articulated inertia of a link."""
     M, H, J = I
@@ -87,7 +87,7 @@ def add_inertia(link: Array, k: int, I: Inertia) -> None:
         link[k].H[n] += H[n]
 
 
-@inner
+@fused
 def inertia_times(I: Inertia, linear: Vector, angular: Vector) -> tuple[Vector, Vector]:
     """Return force and torque ``I (linear, angular)``."""
     M, H, J = I
@@ -154,7 +154,7 @@ def shift_inertia(I: Inertia, d: Vector) -> Inertia:
     return M, K, L
 
 
-@inner
+@fused
 def power(linear: Vector, angular: Vector, force: Vector, torque: Vector) -> float:
     """Return the power of a wrench on a motion."""
     return dot(linear, force) + dot(angular, torque)

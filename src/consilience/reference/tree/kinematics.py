@@ -20,7 +20,7 @@ from consilience.reference.kernel.vectors import Vector, add, column, cross, dot
 from consilience.reference.tree.inertia import Columns, columns, matrix_times
 
 
-@inner
+@fused
 def _joint_rotation(q: Array, at: int, about: int) -> Columns:
     """Return the rotation matrix from M to F at the coordinates of a joint."""
     if about == 0:
@@ -40,13 +40,13 @@ def _joint_rotation(q: Array, at: int, about: int) -> Columns:
     )
 
 
-@inner
+@fused
 def load_vector(table: Array, k: int, at: int) -> Vector:
     """Return three numbers of a row, from column `at` on."""
     return table[k, at], table[k, at + 1], table[k, at + 2]
 
 
-@inner
+@fused
 def store_vector(table: Array, k: int, at: int, a: Vector) -> None:
     """Store three numbers in a row, from column `at` on."""
     table[k, at] = a[0]
@@ -59,7 +59,7 @@ def _transposed(A: Columns) -> Columns:
     return (A[0][0], A[1][0], A[2][0]), (A[0][1], A[1][1], A[2][1]), (A[0][2], A[1][2], A[2][2])
 
 
-@inner
+@fused
 def _store_motion(
     link: Array, k: int, outboard: Columns, s_p: Vector, s: Vector, joint: tuple[Vector, Vector, Vector, Vector]
 ) -> None:
@@ -94,7 +94,7 @@ def _store_motion(
     put(link[k].velocity_product[1], c_angular)
 
 
-@inner
+@fused
 def _place_revolute(link: Array, free: Array, k: int, q: Array, v: Array) -> None:
     """Place a link on a revolute joint; both senses of the joint differ only in sign."""
     p, n, sign = link[k].parent, link[k].first, link[k].sense
@@ -114,14 +114,14 @@ def _place_revolute(link: Array, free: Array, k: int, q: Array, v: Array) -> Non
     _store_motion(link, k, outboard, s_p, s_k, (ZERO, scale(u, e), ZERO, scale(u, e_dot)))
 
 
-@inner
+@fused
 def _axis(free: Array, n: int, F: Columns, M: Columns) -> Vector:
     """Return the axis of a free direction in the world."""
     number = free[n].axis
     return F[number] if number < 3 else M[number - 3]
 
 
-@inner
+@fused
 def _place_joint(link: Array, free: Array, k: int, q: Array, v: Array) -> None:
     """Place a link on a joint of any kind."""
     p, first, last, sign = link[k].parent, link[k].first, link[k].last, link[k].sense
