@@ -10,9 +10,10 @@ Results may therefore differ in the last bits on a machine without fused multipl
 
 Compilation time grows with the code that is copied and with wrappers. `inlined` copies a kernel into each kernel on the
 way to the compiled one, including branches pruned there: it is for a few lines. `inner` and `fused` compile a kernel
-once for its types, for its callers. An `inner` kernel inherits the inlining by LLVM of its first caller, so that its
-speed depends on what is compiled first: what every evaluation calls is `fused`. Only `kernel` has the wrapper that unboxes arguments from Python. A kernel that is
-called by address (`operation`) is compiled once, whatever calls it.
+once for its types, for its callers. Where a kernel is not marked, Numba lets it inherit the inlining of its first
+caller, so that its speed depends on what is compiled first: what every evaluation calls is `fused`. Only `kernel` has
+the wrapper that unboxes arguments from Python. A kernel that is called by address (`operation`) is compiled once,
+whatever calls it.
 
 The arrays of a mechanism are passed as one address: see `mechanism_record`. Compiled kernels are kept in the folder of
 `cache`.
