@@ -239,7 +239,7 @@ def test_bars_grow_with_the_condition_and_no_further(case, honest, monkeypatch):
     said = off(honest[INSTANT], by=1e-9)
     verdicts = []
     for kappa in (1.0, 1e7):
-        monkeypatch.setattr("consilience.compare.instant.worst_condition", lambda *_, k=kappa: k)
+        monkeypatch.setattr("consilience.compare.instants.worst_condition", lambda *_, k=kappa: k)
         verdicts.append(entries_of(case, honest, said)[0].verdict)
         reactions = off(honest[INSTANT], by=1e-8, field="force_F")
         verdicts.append(entries_of(case, honest, reactions)[0].verdict)
