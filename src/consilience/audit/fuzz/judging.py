@@ -1,6 +1,6 @@
 """Comparison of all answers about one mechanism: with the reference, and between the methods of one engine.
 
-Bars are those of `compare.instant`; they grow with the condition of the equations at each state. Where the
+Bars are those of `compare.instants`; they grow with the condition of the equations at each state. Where the
 formulations of the reference differ by more than the bar, that difference is the disagreement, and the engines are
 unresolved.
 
