@@ -25,9 +25,12 @@ def main() -> int:
             found.append(trial)
             if not trial.right:
                 print(trial, flush=True)
-    planted = [t for t in found if t.error]
-    wrong = [t for t in found if not t.right]
-    print(f"{given.mechanisms} mechanisms, {len(found)} cells, {len(planted)} with a planted error, {len(wrong)} wrong")
+        planted, wrong = [t for t in found if t.error], [t for t in found if not t.right]
+        done = min(first + BLOCK, last) - given.seed
+        print(
+            f"{done} mechanisms, {len(found)} cells, {len(planted)} with a planted error, {len(wrong)} wrong",
+            flush=True,
+        )
     return 1 if wrong or not planted else 0
 
 
