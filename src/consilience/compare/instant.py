@@ -180,28 +180,28 @@ def _with_softness(
         Factors of the softness of the other answers.
     """
 
-    def ladder(name: str) -> Softness:
+    def softness_of(name: str) -> Softness:
         *found, expected = (_VECTORS[name](instants, one) for one in (*answers, reference))
-        known = [one for one in found if one is not None]
+        given = [one for one in found if one is not None]  # all of them: one method gives all answers
         assert expected is not None
-        sizes = _sizes(expected, _scale(name, reference, instants))
-        return of_vectors(known, scales, expected, sizes)
+        return of_vectors(given, scales, expected, _sizes(expected, _scale(name, reference, instants)))
 
-    compared = replace(compared, softness=ladder("accelerations"))
+    compared = replace(compared, softness=softness_of("accelerations"))
     missed = [q for q in compared.quantities if not q.met]
     if not missed or not SOFTENED.issuperset(q.name for q in missed):
         return compared
-    told = {q.name: (q, ladder(q.name)) for q in missed}
-    open_ones = [(q, soft) for q, soft in told.values() if not soft.explains(q.difference, q.bar)]
-    q, soft = open_ones[0] if open_ones else next(iter(told.values()))
-    if not all(one.matters(of.difference) for of, one in told.values()):
+    found = [(q, softness_of(q.name)) for q in missed]
+    if not all(soft.matters(q.difference) for q, soft in found):
         return compared
-    what = f"{q.name}: difference {q.difference:.2g}"
-    if open_ones:
-        why = f"{what}, and softness moves it without settling: harder constraints are needed"
-        return replace(compared, verdict=Verdict.UNRESOLVED, rule="softness unclear", why=why)
-    why = f"{what}, {soft.limit:.2g} without softness (order {soft.order:.2f} in it): the constraints are soft"
-    return replace(compared, verdict=Verdict.REGULARISATION, rule="softness", why=why)
+    for q, soft in found:
+        if not soft.explains(q.difference, q.bar):
+            why = (
+                f"{q.name}: difference {q.difference:.2g}, and softness moves it without settling: harder constraints "
+            )
+            return replace(compared, verdict=Verdict.UNRESOLVED, rule="softness unclear", why=f"{why}are needed")
+    q, soft = found[0]
+    why = f"{q.name}: difference {q.difference:.2g}, {soft.limit:.2g} without softness (order {soft.order:.2f} in it)"
+    return replace(compared, verdict=Verdict.REGULARISATION, rule="softness", why=f"{why}: the constraints are soft")
 
 
 def _scale(name: str, reference: InstantAnswer, instants: Instants) -> float:
