@@ -29,6 +29,7 @@ from consilience.reference.contact.modes import ClosedContacts, solve_modes
 from consilience.reference.contact.problem import ContactProblem, FrictionSet
 from consilience.reference.contact.projections import PATIENT_SWEEPS, friction_table, project_impulses
 from consilience.reference.contact.routh import poisson_path
+from consilience.reference.contact.search import JammedFriction
 
 LAWS = ("newton", "moreau", "poisson")
 
@@ -143,8 +144,8 @@ def _moreau(problem: ContactProblem, restitution: Array) -> ImpulseSolution:
     rebound[list(problem.normals)] = restitution * np.minimum(problem.free[list(problem.normals)], 0.0)
     try:
         decision = decide(replace(problem, free=problem.free + rebound))
-    except NumericalFailure as failure:
-        if "(Painleve)" in str(failure) and np.any(rebound) and _is_solvable(problem):
+    except JammedFriction as failure:
+        if np.any(rebound) and _is_solvable(problem):
             names = ", ".join(dict.fromkeys(problem.names))
             raise NumericalFailure(f"{names}: {JAMMED}") from failure
         raise

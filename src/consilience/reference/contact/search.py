@@ -34,7 +34,11 @@ _SIDES = 6
 """Covering vectors tried where combinations are too many."""
 
 
-class PainleveParadox(NumericalFailure):
+class JammedFriction(NumericalFailure):
+    """No forces satisfy the laws of contact; with less friction some do."""
+
+
+class PainleveParadox(JammedFriction):
     """No forces satisfy the laws of sliding contacts.
 
     Attributes
@@ -276,7 +280,7 @@ class ModeSearch:
             return NumericalFailure(f"the laws of {names} allow several accelerations: {SHARE}")
         share = self._bearable()
         if share is not None:
-            return NumericalFailure(
+            return JammedFriction(
                 f"{names}: friction jams (Painleve): no forces satisfy the laws of contact; with {share:.2g} of the "
                 "coefficients of friction there are some"
             )
