@@ -212,12 +212,13 @@ def test_a_pose_given_for_a_body_replaces_the_drawing_as_the_guess():
     ("kind", "coordinate_name", "value", "size"),
     [
         ("prismatic", "distance", 100.0, 1.0),
+        ("prismatic", "distance", 500.0, 3e-3),
         ("revolute", "angle", 2.4, 60.0),
         ("screw", "angle", 200.0 * np.pi + 0.3, 1.0),
     ],
 )
 def test_what_is_held_far_from_the_drawing_is_reached(kind, coordinate_name, value, size):
-    """A slide, a hinge of long arms, a hundred turns of a screw; closed form: a screw motion about the joint's z."""
+    """Slides, a hinge of long arms, a hundred turns of a screw; closed form: a screw motion about the joint's z."""
     mechanism = in_units(chain(kind, seed=97), length=size)
     body, joint = mechanism.bodies[0], mechanism.joints[0]
     state = initial_state(mechanism, Initial({"j0": {coordinate_name: value}}))

@@ -8,14 +8,14 @@ import pytest
 import consilience.mechanism as plain
 from consilience.case import load_case
 from consilience.errors import CannotAssemble
-from consilience.mechanism import JOINT_KINDS, Frame, Initial, quaternion_from_rotation_vector
+from consilience.mechanism import JOINT_KINDS, Frame, Initial, in_units, quaternion_from_rotation_vector
 from consilience.mechanism import rotation_from_quaternion as rotation
 from consilience.reference import accelerations, formulation, initial_state, simulate, solver
 from consilience.reference.analyses import with_parameter
 from consilience.reference.states import assembly
 from consilience.reference.states.instants import instants
 from consilience.reference.tree.parameter_sets import OtherStructure, ParameterSets
-from mechanisms import ELEMENTS, LOOPS, TREES, states_of
+from mechanisms import ELEMENTS, LOOPS, TREES, chain, states_of
 
 ALL = TREES | LOOPS | ELEMENTS
 
@@ -50,6 +50,15 @@ def test_compiled_assembly_is_that_in_numpy(name, monkeypatch):
     found = initial_state(mechanism, initial)
     for field in ("p_WB", "R_WB", "v_WB_W", "w_WB_W"):
         assert np.allclose(getattr(found, field), getattr(expected, field), rtol=0.0, atol=1e-9), field
+
+
+def test_compiled_assembly_takes_long_steps_on_a_long_way(monkeypatch):
+    """A body of some millimetres on a slide of 500 m."""
+    mechanism = in_units(chain("prismatic", seed=97), length=3e-3)
+    initial = Initial(coordinates={"j0": {"distance": 500.0}})
+    expected = plain.initial_state(mechanism, initial)
+    monkeypatch.setattr(assembly, "assemble", None)
+    np.testing.assert_allclose(initial_state(mechanism, initial).p_WB, expected.p_WB, rtol=0.0, atol=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -47,7 +47,7 @@ from consilience.mechanism.units import characteristic_length
 MAX_ITERATIONS = 30
 CONVERGED = 1e-13
 LONGEST_WAY = 2000
-"""Largest number of further iterations for poses that are far away: one for each radian or characteristic length."""
+"""Largest number of further iterations for poses that are far away: one for each radian or longest step."""
 
 _DRAWN = 1e-3
 """Residual, in rad or characteristic lengths, above which a drawing is another pose, not one with rounded numbers."""
@@ -205,7 +205,8 @@ def newton_iterates(
 ) -> Iterator[NewtonIterate]:
     """Yield a guess and the iterates of Newton's method, by least-norm steps.
 
-    Steps are at most a characteristic length and a radian: beyond, the linear model is meaningless.
+    Steps are at most a radian, and a characteristic length or what `longest_step` tells: beyond, the linear model is
+    meaningless.
     The equations are those of all holonomic rows and of the held coordinates; lengths count in characteristic lengths.
 
     Parameters
@@ -217,10 +218,12 @@ def newton_iterates(
         Angles of joints that drive couplings, with full turns, as in `constraint_residual`.
     """
     rows, columns = row_lengths(mechanism, held), velocity_sizes(mechanism)
-    state, longest, scale = guess, 0.0, 1.0
+    state, longest, scale, most = guess, 0.0, 1.0, None
     while True:
         errors = [held_error(mechanism, state, *one) for one in held]
         residual = np.concatenate([constraint_residual(mechanism, state, t, angles), *errors]) / rows
+        if most is None:
+            most = np.tile(np.repeat([longest_step(largest_residual(residual)), 1.0], 3), len(mechanism.bodies))
         if not residual.any():
             yield NewtonIterate(state, residual, residual, longest, scale)
             return
@@ -234,8 +237,13 @@ def newton_iterates(
         step = np.linalg.lstsq(jacobian, -residual, rcond=RANK_TOLERANCE)[0]
         yield NewtonIterate(state, residual, residual + jacobian @ step, longest, scale)
         longest = largest_residual(columns * step)
-        scale = min(1.0, 1.0 / max(largest_residual(step), 1e-300))
+        scale = min(1.0, 1.0 / max(largest_residual(step / most), 1e-300))
         state = move(state, scale * columns * step)
+
+
+def longest_step(way: float) -> float:
+    """Return the longest step, in characteristic lengths: longer ones where the way would take too many."""
+    return max(1.0, way / LONGEST_WAY)
 
 
 def row_lengths(mechanism: Mechanism, held: HeldCoordinates) -> Array:

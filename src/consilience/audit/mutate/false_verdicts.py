@@ -26,6 +26,9 @@ from consilience.suite.engine_runs import EngineCase, ask_case, open_plan
 LEAST, MOST = 2.0, 200.0
 """Bounds of the size of a planted error over the stated one; its logarithm is uniform between them."""
 
+LARGEST_ERROR = 0.4
+"""Largest planted error: a mass or a moment that is off by its own size is none of a body."""
+
 
 @dataclass(frozen=True)
 class RandomTrial:
@@ -105,7 +108,8 @@ def _trial(seed: int, judged: JudgedEngine, question: Question, rng: np.random.G
     stated, error, factor = [p for p in found.power if not p.missed], "", 0.0
     if found.verdict in PASSED and stated and rng.random() < 0.5:
         power = stated[int(rng.integers(len(stated)))]
-        error, factor = power.of, float(np.exp(rng.uniform(np.log(LEAST), np.log(MOST))))
+        most = min(MOST, LARGEST_ERROR / power.limit)
+        error, factor = power.of, float(np.exp(rng.uniform(np.log(LEAST), np.log(most))))
         (parameter,) = [p for p in physical_parameters(case.mechanism, case.initial_state) if p.of == error]
         planted = PlantedEngine(worker, parameter, factor * power.limit, worker.engine)
         found = judged.compared(question, method, planted)

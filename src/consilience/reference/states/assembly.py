@@ -68,11 +68,11 @@ def _left(a: AssemblyArrays, x: Array) -> float:
 
 
 @inner
-def _move(a: AssemblyArrays) -> None:
-    """Move the poses by minus the step, at most a characteristic length and a radian."""
+def _move(a: AssemblyArrays, most: float) -> None:
+    """Move the poses by minus the step, at most by `most` characteristic lengths and a radian."""
     largest = 1.0
-    for s in a.step:
-        largest = max(largest, abs(s))
+    for n in range(a.step.shape[0]):
+        largest = max(largest, abs(a.step[n]) / (most if n % 6 < 3 else 1.0))
     for b in range(a.pose.shape[0]):
         dr, phi = load(a.step[6 * b : 6 * b + 3]), load(a.step[6 * b + 3 : 6 * b + 6])
         store(a.pose[b, 0:3], add(load(a.pose[b, 0:3]), scale(-a.length / largest, dr)), 1.0)
@@ -113,7 +113,7 @@ def _flipped(a: AssemblyArrays) -> bool:
 @inner
 def _positions(a: AssemblyArrays, held: Array, t: float, converged: float, most: int, far: int) -> bool:
     """Assemble the poses as `_assemble_positions`."""
-    before = np.inf
+    before, longest = np.inf, 1.0
     for n in range(most + far + 1):
         largest = evaluate(a, held, t)
         if before < converged and largest >= before:
@@ -122,12 +122,13 @@ def _positions(a: AssemblyArrays, held: Array, t: float, converged: float, most:
         before = largest
         if n == 0 and largest < np.inf:
             most += int(min(largest, float(far)))
+            longest = max(1.0, largest / far)
         if largest == 0.0 or n >= most:
             break
         _solve(a)
         if n == 0 and _left(a, a.step) > _LARGEST_LEFT:
             return False
-        _move(a)
+        _move(a, longest)
     _copy(a.pose, a.kept)
     place_bodies(a)
     distance = 0.0
