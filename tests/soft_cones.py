@@ -7,7 +7,8 @@ Of each contact that overlaps, by r > 0 and at the rate u, the relative accelera
 with A the inverse mass, and K a circular cone, or the four edges ``n +- mu t`` of a pyramid, which are rows of their
 own, with ``R = 2 mu^2 (1 - d)/d A (1 + mu^2)`` (https://mujoco.readthedocs.io/en/stable/computation/index.html,
 "Constraint model", "Regularization"). The impedance d rises from 0.9 to 0.95 over 1 mm. Contact points are in the
-middle of the overlap. Steps are those of the semi-implicit Euler method, with the velocity of the body's origin.
+middle of the overlap. Steps are those of the semi-implicit Euler method, of the centre of mass: a step that turns the
+body by an angle at once sets another point of it off by half the square of that angle.
 """
 
 from dataclasses import dataclass
@@ -124,13 +125,13 @@ class SoftContact:
         """Place of the centre of mass after steps of h."""
         body = self.mechanism.bodies[0]
         p, q, v, w = (part[0] for part in (state.p_WB, state.quat_WB, state.v_WB_W, state.w_WB_W))
+        r = rotation_from_quaternion(q) @ body.com
+        p, v = p + r, v + np.cross(w, r)
         for _ in range(round(end / h)):
             A = rotation_from_quaternion(q)
-            r, arms = A @ body.com, (self.points - body.com) @ A.T
-            a = self.acceleration(A @ body.inertia @ A.T, p + r, arms, v + np.cross(w, r), w)
-            v = v + h * (a[:3] - np.cross(a[3:], r) - np.cross(w, np.cross(w, r)))
-            w_B = A.T @ (w + h * a[3:])
+            a = self.acceleration(A @ body.inertia @ A.T, p, (self.points - body.com) @ A.T, v, w)
+            v, w_B = v + h * a[:3], A.T @ (w + h * a[3:])
             p, q = p + h * v, quaternion_product(q, quaternion_from_rotation_vector(h * w_B))
             q = q / np.linalg.norm(q)
             w = rotation_from_quaternion(q) @ w_B
-        return p + rotation_from_quaternion(q) @ body.com
+        return p
