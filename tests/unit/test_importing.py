@@ -302,9 +302,18 @@ def test_a_mesh_that_is_not_there_matters_only_for_inertia(tmp_path):
     np.testing.assert_allclose(found.case.mechanism.bodies[1].inertia, np.diag([0.01, 0.02, 0.03]), atol=1e-17)
 
 
-@pytest.mark.parametrize("text", [f"{mjcf()}\n\\ ", mjcf(world=" loose "), f"\n{mjcf()}"])
-def test_text_outside_of_elements_says_nothing_of_a_mjcf(tmp_path, text):
-    assert len(read_mjcf(tmp_path, text).case.mechanism.bodies) == 1
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (f"{mjcf()}\n\\ ", ["text behind the last element, not read"]),
+        (mjcf(world=" loose "), ["text between elements, not read"]),
+        (f"\n{mjcf()}", []),
+    ],
+)
+def test_text_outside_of_elements_is_told_and_says_nothing_of_a_mjcf(tmp_path, text, told):
+    found = read_mjcf(tmp_path, text)
+    assert len(found.case.mechanism.bodies) == 1
+    assert [reason for reason in found.notes.left_out if reason.startswith("text")] == told
 
 
 @pytest.mark.parametrize(

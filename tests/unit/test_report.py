@@ -723,6 +723,15 @@ def test_a_default_motion_without_an_answer_is_counted_as_one():
     assert view.rows[0].digits == wording.DASH
 
 
+@pytest.mark.parametrize(("profile", "name"), [(Profile.MATCHED, "another model"), (Profile.DEFAULT, "another motion")])
+def test_what_an_engine_sets_by_itself_is_not_called_its_model(profile, name):
+    how = method("m", order=1, substeps=(25,), profile=profile)
+    elsewhere = comparison("swing", "e", "trajectory", how, Verdict.MODEL, "elsewhere", rule="elsewhere")
+    found = page(record([([run("swing", "e", "trajectory", how, answer={})], [elsewhere])], [case("swing")]))
+    (answer,) = cell_of(found, "e").answers
+    assert (answer.look.name, answer.look.verdict) == (name, Verdict.MODEL)
+
+
 def test_probes_of_other_softness_are_no_levels(soft):
     matched, default = (a for a in cell_of(page(soft), "soft").answers if a.question == "trajectory")
     facts = {f.name: (f.value, f.note) for f in matched.softness}

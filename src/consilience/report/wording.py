@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from consilience.compare import CODES, Verdict
 from consilience.compare.power import LARGEST
+from consilience.compare.rules import CONVERGENCE
 from consilience.engine import Profile, Route
 from consilience.engine.failures import FailureClass
 from consilience.mechanism.perturbation import AXIS, PLACE
@@ -112,6 +113,19 @@ LOOKS: dict[Verdict, Look] = {
     verdict: Look(verdict.name.lower(), *words, verdict=verdict) for verdict, words in _WORDS.items()
 }
 """Verdicts, best first."""
+
+AT_DEFAULTS = replace(
+    LOOKS[Verdict.MODEL],
+    name="another motion",
+    sentence="At the engine's defaults smaller steps lead to another motion: by its model, or by what it sets so.",
+)
+"""A motion at an engine's own defaults that neither steps nor softness explain: a tolerance may be to blame."""
+
+
+def look_of(verdict: Verdict, rule: str, matched: bool) -> Look:
+    """Return the verdict for display; of a motion at defaults another model is not said."""
+    return LOOKS[verdict] if matched or rule not in CONVERGENCE else AT_DEFAULTS
+
 
 PHRASES: dict[Verdict, tuple[str, str]] = {
     Verdict.AGREES: ("agree", ""),

@@ -102,6 +102,9 @@ def _xml(path: Path, notes: Notes) -> Element:
     namespace = root.tag[: root.tag.find("}") + 1]
     for element in root.iter():
         element.tag = element.tag.removeprefix(namespace)
+        inside = [element.text if len(element) or element.attrib else "", *(child.tail for child in element)]
+        if any((text or "").strip() for text in inside):  # bare elements with text are data, as of a transmission
+            notes.add("text between elements, not read", f"<{element.tag}>")
     return root
 
 
