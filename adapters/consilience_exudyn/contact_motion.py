@@ -41,7 +41,7 @@ from consilience.mechanism import (
 )
 from consilience_exudyn.contact_instant import AT_REST, contact_accelerations
 from consilience_exudyn.contact_rows import TouchRow, contact_row, coordinate_row
-from consilience_exudyn.contact_samples import gaps_of, refuse_fall, with_contacts
+from consilience_exudyn.contact_samples import with_contacts
 from consilience_exudyn.contacts import Penalty, add_contact, add_dry_friction, add_limit, limits_of, parts_of
 from consilience_exudyn.forces import add_springs_and_loads
 from consilience_exudyn.kinematic_tree import Coordinates, build_tree, is_one_axis_tree
@@ -183,7 +183,7 @@ def contact_motion(
     Raises
     ------
     CannotRepresent
-        A contact with friction that is closed at the start hits later, or one gets deeper than its sphere.
+        A contact with friction that is closed at the start hits later; or as `with_contacts`.
     RuntimeError
         Exudyn fails, or normal forces exceed every bound.
     """
@@ -203,9 +203,7 @@ def contact_motion(
             continue
         largest = np.max(np.linalg.norm(forces, axis=2), axis=0, initial=0.0)
         if np.all(largest <= _STABLE * np.array(bounds)):
-            gaps = gaps_of(mechanism, answer)
-            refuse_fall(mechanism, gaps, penalties)
-            return with_contacts(mechanism, answer, gaps, forces, penalties)
+            return with_contacts(mechanism, answer, forces, penalties, 1.0 / (step * np.sqrt(at.stiffness)))
         _refuse_late_hit(seen, largest)
         bounds = [max(b, 1.2 * f) for b, f in zip(bounds, largest, strict=True)]
     raise RuntimeError(f"forces exceed {max(bounds):.3g} N, or the motion diverges: steps of {step:g} s are too long")

@@ -12,6 +12,12 @@ from consilience.mechanism import Array, Mechanism, State, nearest_points
 from consilience_exudyn.contact_rows import contact_row
 from consilience_exudyn.contacts import Penalty, parts_of
 
+_IMPACT = 4.0 * np.pi
+"""Longest impact in radians of its spring: four half periods, as what is hit may be heavier than it seemed."""
+
+_OPENING = 1.98
+"""Angle between forces that slide in opposite directions, over the half angle of the friction cone; exactly 2."""
+
 
 def gaps_of(mechanism: Mechanism, answer: TrajectoryAnswer) -> Array:
     """Gaps of all elementary contacts at all samples, shape (n_t, n), m."""
@@ -36,8 +42,31 @@ def refuse_fall(mechanism: Mechanism, gaps: Array, penalties: Sequence[Penalty])
             )
 
 
+def refuse_reversal(mechanism: Mechanism, forces: Array, longest: int) -> None:
+    """Refuse a motion in which friction at its bound changes sides within an impact of at most `longest` steps.
+
+    Forces that slide in opposite directions are apart by the opening of the friction cone.
+
+    Raises
+    ------
+    CannotRepresent
+    """
+    for n, (_, part) in enumerate(parts_of(mechanism)):
+        if not (part.friction > 0.0 and part.restitution > 0.0):
+            continue
+        sizes = np.linalg.norm(forces[:, n], axis=1)
+        ends = np.flatnonzero(np.diff(np.concatenate([[0], sizes > 0.0, [0]])))
+        for first, last in ends.reshape(-1, 2):
+            along = forces[first:last, n] / sizes[first:last, None]
+            if last - first <= longest and np.min(along @ along[0]) < np.cos(_OPENING * np.arctan(part.friction)):
+                raise CannotRepresent(
+                    f"contact '{part.name}', whose slip reverses within an impact",
+                    "friction follows the slip, and the rebound is then that of Exudyn's damper, not Newton's",
+                )
+
+
 def with_contacts(
-    mechanism: Mechanism, answer: TrajectoryAnswer, gaps: Array, forces: Array, penalties: Sequence[Penalty]
+    mechanism: Mechanism, answer: TrajectoryAnswer, forces: Array, penalties: Sequence[Penalty], radian: float
 ) -> TrajectoryAnswer:
     """Return a motion with gaps, impulses and modes of contacts.
 
@@ -45,12 +74,22 @@ def with_contacts(
     ----------
     mechanism : Mechanism
     answer : TrajectoryAnswer
-    gaps, forces : ndarray
-        Gaps at samples, as from `gaps_of`; forces at all steps, shape (steps + 1, n, 3), N.
+    forces : ndarray, shape (steps + 1, n, 3), N
+        At all steps.
     penalties : sequence of Penalty
+    radian : float
+        Root of the inertia over the stiffness of what hits, in steps.
+
+    Raises
+    ------
+    CannotRepresent
+        A sphere is deeper than its radius, or a slip reverses within an impact.
     """
     if not mechanism.contacts:
         return answer
+    gaps = gaps_of(mechanism, answer)
+    refuse_fall(mechanism, gaps, penalties)
+    refuse_reversal(mechanism, forces, int(_IMPACT * radian))
     states = [answer.state(n) for n in range(len(answer.time))]
     count = (len(forces) - 1) // (len(states) - 1)
     step = (answer.time[1] - answer.time[0]) / count

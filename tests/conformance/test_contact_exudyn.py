@@ -216,14 +216,25 @@ def test_a_sphere_that_falls_through_its_plane_is_refused():
         refuse_fall(mechanism, np.array([[0.0, 0.0, 0.0], [0.0, -1e-4, -2e-3]]), numbers)
 
 
-def test_the_end_of_a_rod_hits_a_rough_floor():
-    """Half-length 1 m at 45 deg, mu 0.3, e 0.5, slipping one way: the same by Newton's and by Poisson's law."""
+def rod_that_hits(velocity):
+    """A rod of half-length 1 m at 45 deg over a floor, mu 0.3, e 0.5; its state at a velocity."""
     c = np.sqrt(0.5)
     tip = PointPlane("tip", "body", LAB.in_body([c, 0, -c]), GROUND, LAB.origin, LAB.axes[:, 2], friction=0.3,
                      restitution=0.5)  # fmt: skip
-    mechanism = LAB.free_body(1.0, (1 / 3, 1 / 3, 1 / 3), np.zeros(3), [tip])
+    return LAB.free_body(1.0, (1 / 3, 1 / 3, 1 / 3), np.zeros(3), [tip]), LAB.state([0, 0, c + 1e-4], velocity)
+
+
+def test_a_slip_that_reverses_within_an_impact_is_refused():
+    """The normal impulse alone turns a backward slip of 0.2 m/s at an approach of 1 m/s into one of 0.7 m/s forward."""
+    mechanism, state = rod_that_hits([-0.2, 0, -1.0])
+    with pytest.raises(CannotRepresent, match=r"'tip', whose slip reverses within an impact"):
+        motion(mechanism, state, 0.01, 1, 0)
+
+
+def test_the_end_of_a_rod_hits_a_rough_floor():
+    """Slipping one way, the rod rebounds alike by Newton's and by Poisson's law."""
+    mechanism, state = rod_that_hits([0.5, 0, -1.0])
     N = 0.731707317073171
-    state = LAB.state([0, 0, c + 1e-4], [0.5, 0, -1.0])
     answer = motion(mechanism, state, 0.01, 1, 0)
     close((answer.contact_impulse[-1, 0] @ LAB.axes,), ([-0.3 * N, 0.0, N],), 5e-3)
     close((LAB.centre(answer)[1],), ([0.5 - 0.3 * N, 0.0, N - 1.0],), 5e-3)
