@@ -116,7 +116,15 @@ def unilateral_methods(mechanism: Mechanism, question: Question, loops: bool) ->
     box = f"box along normal x world z, or along x and y of the world where the normal is z; {_IMPACT}"
     return (
         Method(CONES, Route.TUNED, 1, (10, 20, 40), settings=settings, contact_law=circle, law=law),
-        Method(EXTRAPOLATED, Route.EXTRAPOLATED, 3, (4, 8, 16), settings=settings, contact_law=circle, law=law),
+        Method(
+            EXTRAPOLATED,
+            Route.EXTRAPOLATED,
+            3,
+            (4, 8, 16),
+            settings=settings | {"rotations below 1e-3 rad": "less t^3/6, which DART's exponential map adds"},
+            contact_law=circle,
+            law=law,
+        ),
         Method(
             BOX,
             Route.NATIVE,

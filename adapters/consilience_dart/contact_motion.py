@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -60,4 +61,4 @@ def move(stepping: Stepper, times: Array, substeps: int) -> TrajectoryAnswer:
 
 def extrapolated(build: Callable[[], Stepper], times: Array, substeps: int) -> TrajectoryAnswer:
     """Return the limit of the steps h, h/2 and h/4; steppers at the initial state come from a function."""
-    return motion_of_halved([move(build(), times, part * substeps) for part in (1, 2, 4)])
+    return motion_of_halved([move(replace(build(), mended=True), times, part * substeps) for part in (1, 2, 4)])

@@ -17,12 +17,19 @@ from typing import Any
 import dartpy
 import numpy as np
 
-from consilience.mechanism import Array, Mechanism, State
+from consilience.mechanism import (
+    Array,
+    Mechanism,
+    State,
+    quaternion_from_rotation_vector,
+    quaternion_product,
+    rotation_vector_from_quaternion,
+)
 from consilience_dart.contacts import Touching
 from consilience_dart.drives import command_steps
 from consilience_dart.limits import set_limits
 from consilience_dart.loads import Forces
-from consilience_dart.state import Coordinates, from_state, read, send
+from consilience_dart.state import Coordinates, from_state, read, rotation_vector, rotations, send
 from consilience_dart.translation import Model, build
 
 ERROR_REDUCTION_INSTANT = 0.0
@@ -41,6 +48,11 @@ MIXINGS = ((1, 8.0 / 3.0), (2, -2.0), (4, 1.0 / 3.0))
 """Factors on the force mixing, with the weights of the extrapolation to zero mixing.
 
 Three of them, because near singular poses the error is quadratic in the mixing."""
+
+TRUNCATED = 1e-3
+"""Rotation in rad below which DART's exponential map is a truncated series."""
+
+_CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
 
 LARGEST_STEP = 5e-3
 HALVINGS = 15
@@ -72,6 +84,8 @@ class Stepper:
         Part of the position error of a drive that a step removes.
     touching : Touching or None
         Contacts; None if the mechanism has none.
+    mended : bool
+        Take from small rotations what DART's truncated exponential map adds.
     """
 
     model: Model
@@ -80,6 +94,7 @@ class Stepper:
     time: float = 0.0
     reduction: float = 0.0
     touching: Touching | None = None
+    mended: bool = False
 
     def restart(self, c: Coordinates, time: float, step: float) -> None:
         """Set state, time and step, and the integrals of controllers to zero."""
@@ -91,7 +106,10 @@ class Stepper:
             self.touching.restart()
 
     def _advance(self) -> None:
+        before = self.model.skeleton.getPositions() if self.mended else None
         self.world.step()
+        if before is not None:
+            mend_rotations(self.model, before)
         if self.touching:
             self.touching.add(self.world.getTimeStep())
 
@@ -109,6 +127,28 @@ class Stepper:
             self._advance()
             self.forces.integrals += h * errors
             self.time = start + (n + 1) * h
+
+
+def mend_rotations(model: Model, before: Array) -> None:
+    """Turn ball and free joints back by the excess of a small rotation t in a step, which is ``t^3 / 6``.
+
+    Parameters
+    ----------
+    model : Model
+        After the step.
+    before : ndarray, shape (n,)
+        DART's positions before the step.
+    """
+    after = model.skeleton.getPositions()
+    for i, _ in rotations(model):
+        old, new = (quaternion_from_rotation_vector(q[i : i + 3]) for q in (before, after))
+        turn = rotation_vector_from_quaternion(quaternion_product(new, old * _CONJUGATE))
+        square = float(turn @ turn)
+        if square < TRUNCATED**2:
+            excess = quaternion_from_rotation_vector(-square / 6.0 * turn)
+            new = quaternion_product(excess, new)
+        after[i : i + 3] = rotation_vector(new)
+    model.skeleton.setPositions(after)
 
 
 def set_softness(reduction: float, mixing: float) -> None:

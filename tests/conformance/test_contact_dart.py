@@ -23,7 +23,9 @@ from consilience.mechanism import (
     Stop,
     initial_state,
     joint_coordinates,
+    quaternion_from_rotation_vector,
     relative_motion,
+    rotation_from_quaternion,
     sine,
 )
 from consilience.reference.engine import ReferenceEngine
@@ -145,6 +147,16 @@ def test_bowling_rolls_with_what_slipping_leaves():
         assert found.contact_loss[-1] == pytest.approx(2.52464285714286 * 2.0, rel=1e-4)
         assert list(found.contact_mode[:, 0]) == [1, 1, 2, 2, 2]
     assert errors[0] / errors[1] == pytest.approx(2.0, abs=0.1)
+
+
+def test_a_ball_that_spins_in_the_air_turns_by_its_spin_at_steps_above_and_below_a_milliradian():
+    """Rotations below 1e-3 rad are truncated by DART, at two of the three steps that are extrapolated here."""
+    spin = np.array([0.6, 0.0, 0.8])
+    state = LAB.state((0.0, 0.0, 2.0), (0.0, 0.0, 0.0), spin)
+    found = move(ball(gravity=(0.0, 0.0, 0.0)), state, [0.0, 0.9], 1.8e-3, EXTRAPOLATED)
+    turned_by = LAB.axes.T @ found.state(-1).R_WB[0] @ state.R_WB[0].T @ LAB.axes
+    truth = rotation_from_quaternion(quaternion_from_rotation_vector(0.9 * spin))
+    np.testing.assert_allclose(turned_by, truth, atol=1e-11)
 
 
 def test_a_ball_bounces_down_to_the_threshold_of_restitution():
