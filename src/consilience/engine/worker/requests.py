@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
@@ -11,7 +12,8 @@ import numpy as np
 from consilience.engine.answers import CannotRepresent, Manifest, Method, Unsupported
 from consilience.engine.protocol import Engine
 from consilience.engine.questions import Question
-from consilience.mechanism import Array, Mechanism, State
+from consilience.engine.worker.own_units import units_of, with_units, without_units
+from consilience.mechanism import Array, Mechanism, State, Units, in_units
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
@@ -195,16 +197,38 @@ def _plan(engine: Engine, mechanism: Mechanism) -> Plan:
     unsupported = {q: _unsupported(engine, mechanism, q) for q in Question}
     can = [q for q in Question if not unsupported[q]]
     return Plan(
-        unsupported, {q: engine.methods(mechanism, q) for q in can}, engine.manifest(mechanism) if can else Manifest()
+        unsupported,
+        {q: with_units(mechanism, q, engine.methods(mechanism, q)) for q in can},
+        engine.manifest(mechanism) if can else Manifest(),
+    )
+
+
+_in_units = lru_cache(maxsize=4)(in_units)
+"""Converted mechanisms; adapters keep what they have prepared for a mechanism."""
+
+
+def _converted(request: Request, units: Units) -> Request:
+    """Return a request in the units of its method, which its adapter does not know."""
+    assert request.method is not None
+    return replace(
+        request,
+        method=without_units(request.method),
+        states=[units.convert(state) for state in request.states],
+        times=None if request.times is None else units.time * request.times,
+        step=request.step * (units.time if request.method.substeps else 1.0),
     )
 
 
 def _ask(engine: Engine, mechanism: Mechanism, question: Question, request: Request) -> object:
-    """Call the engine's method of the question's name with the arguments of the question's row."""
+    """Call the engine's method of the question's name with the arguments of the question's row, in its own units."""
+    units = units_of(request.method)
+    if units != Units():
+        mechanism, request = _in_units(mechanism, *units), _converted(request, units)
     try:
-        return getattr(engine, question)(mechanism, *map(request.argument, question.arguments))
+        answer = getattr(engine, question)(mechanism, *map(request.argument, question.arguments))
     except CannotRepresent as found:
         return found.refusal
+    return units.inverse.convert(answer) if units != Units() and isinstance(answer, question.answer) else answer
 
 
 def offer(
@@ -212,7 +236,7 @@ def offer(
 ) -> tuple[tuple[Unsupported, ...], tuple[Method, ...]]:
     """Return the features that an engine cannot represent, and its methods if there are none."""
     unsupported = _unsupported(engine, mechanism, question)
-    return unsupported, () if unsupported else engine.methods(mechanism, question)
+    return unsupported, () if unsupported else with_units(mechanism, question, engine.methods(mechanism, question))
 
 
 def _survey(engine: Engine, mechanism: Mechanism, request: Request) -> AnswerSet:

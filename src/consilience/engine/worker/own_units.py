@@ -1,0 +1,62 @@
+"""Units in which engines compute with matched settings.
+
+Mechanics does not depend on units, but engines have absolute constants: least divisors, regularisations, thresholds of
+solvers. With matched settings a mechanism far from metres, kilograms and seconds is given in units of its own; the
+factors are powers of two, so that nothing is rounded. At its own defaults an engine gets SI units.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from consilience.engine.answers import Method, Profile, Route
+from consilience.engine.questions import Question
+from consilience.mechanism import Mechanism, Units, characteristic_length, own_units
+
+SETTING = "units (m, kg, s)"
+"""Setting of a method that lists the sizes of its units."""
+
+ORDINARY = 128.0
+"""Factor on a metre, a kilogram and a second within which sizes of a mechanism are ordinary."""
+
+_PHYSICAL = (Question.MODEL, Question.INSTANT, Question.TRAJECTORY)
+
+
+def with_units(mechanism: Mechanism, question: Question, methods: tuple[Method, ...]) -> tuple[Method, ...]:
+    """Return methods of an engine with the units of a mechanism among their settings, if it is far from SI units.
+
+    Contacts are left in SI units: laws of an engine, which a method carries, have dimensions too.
+    """
+    if question not in _PHYSICAL or mechanism.contacts or mechanism.stops or mechanism.dry_frictions:
+        return methods
+    units = _units(mechanism)
+    if units == Units():
+        return methods
+    own = {SETTING: list(units.inverse)}
+    return tuple(
+        replace(m, settings={**m.settings, **own})
+        if m.profile is Profile.MATCHED and m.route is not Route.REFERENCE
+        else m
+        for m in methods
+    )
+
+
+def _units(mechanism: Mechanism) -> Units:
+    """Return the units of a mechanism, those of SI where its sizes are ordinary; the time is that of its swinging."""
+    fall = float(np.linalg.norm(mechanism.gravity))
+    time = float(np.sqrt(characteristic_length(mechanism) / fall)) if fall else 1.0
+    own = own_units(mechanism, time)
+    return Units(*(1.0 if 1.0 / ORDINARY <= factor <= ORDINARY else factor for factor in own))
+
+
+def units_of(method: Method | None) -> Units:
+    """Return the units among the settings of a method; those of SI where there are none."""
+    found = method.settings.get(SETTING) if method else None
+    return Units(*found).inverse if found else Units()
+
+
+def without_units(method: Method) -> Method:
+    """Return a method as its adapter knows it."""
+    return replace(method, settings={name: value for name, value in method.settings.items() if name != SETTING})

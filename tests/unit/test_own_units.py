@@ -1,0 +1,74 @@
+"""Units in which engines compute: with matched settings those of a mechanism that is far from SI units."""
+
+import numpy as np
+import pytest
+
+from consilience.engine import Manifest, Method, Profile, Question, Route
+from consilience.engine.worker.own_units import ORDINARY, SETTING
+from consilience.engine.worker.requests import Request, perform
+from consilience.mechanism import Units, characteristic_length, in_units
+from consilience.reference import accelerations, simulate
+from mechanisms import TREES, states_of
+
+METHODS = (
+    Method("its own", Route.NATIVE, 1, (4,), settings={"knob": 1}),
+    Method("defaults", Route.NATIVE, 1, (4,), profile=Profile.DEFAULT),
+)
+
+
+class Recorder:
+    """The reference as an engine that keeps what it is given."""
+
+    def __init__(self):
+        self.given = []
+
+    def unsupported(self, mechanism, question):
+        return ()
+
+    def methods(self, mechanism, question):
+        return METHODS
+
+    def manifest(self, mechanism):
+        return Manifest()
+
+    def instant(self, mechanism, states, method):
+        self.given.append((mechanism, method))
+        return accelerations(mechanism, states)
+
+    def trajectory(self, mechanism, state, times, method, step):
+        self.given.append((mechanism, method))
+        assert step == (times[1] - times[0]) / 4
+        return simulate(mechanism, state, times, 1e-10)
+
+
+@pytest.mark.parametrize("units", [Units(1e6, 1e-5, 1e4), Units(1e-5, 1e6, 1e-4)])
+def test_a_method_with_matched_settings_gets_sizes_near_one_and_answers_in_si_units(units):
+    base, engine = TREES["branched"], Recorder()
+    (start,) = states_of(base, 1)
+    mechanism, times = in_units(base, *units), np.linspace(0.0, 0.1, 3)
+    matched, default = perform(engine, Request(mechanism)).methods[Question.INSTANT]
+    motion = {"times": units.time * times, "step": units.time * times[1] / 4}
+    for question, more, expected in (
+        (Question.INSTANT, {}, accelerations(base, [start])),
+        (Question.TRAJECTORY, motion, simulate(base, start, times, 1e-10)),
+    ):
+        found = perform(engine, Request(mechanism, question, matched, [units.convert(start)], **more))
+        own, method = engine.given[-1]
+        assert method.settings == METHODS[0].settings, "an adapter does not know the units"
+        sizes = characteristic_length(own), sum(b.mass for b in own.bodies), np.linalg.norm(own.gravity)
+        assert all(0.3 < size < 3.0 for size in sizes), sizes
+        for name, value in vars(units.convert(expected)).items():
+            if isinstance(value, np.ndarray):
+                least = 1e-9 * np.max(np.abs(value), initial=0.0)
+                np.testing.assert_allclose(getattr(found, name), value, rtol=0, atol=least, err_msg=name)
+    perform(engine, Request(mechanism, Question.INSTANT, default, [units.convert(start)]))
+    assert engine.given[-1] == (mechanism, METHODS[1])
+
+
+def test_ordinary_sizes_and_defaults_have_no_units_of_their_own():
+    far, near = (in_units(TREES["branched"], length=factor) for factor in (2.0 * ORDINARY, 0.5 * ORDINARY))
+    assert perform(Recorder(), Request(near)).methods[Question.TRAJECTORY] == METHODS
+    matched, default = perform(Recorder(), Request(far)).methods[Question.TRAJECTORY]
+    assert matched.settings["knob"] == 1
+    assert SETTING in matched.settings
+    assert default == METHODS[1]
