@@ -31,7 +31,14 @@ from consilience.mechanism.rates import LEAST_SPEED
 from consilience.reference.bodies.arrays import flatten, pack, workspace
 from consilience.reference.bodies.canonical import canonical_motion, sample_times
 from consilience.reference.bodies.forces import count_turns
-from consilience.reference.bodies.residual import SOLVABLE, CheckedRows, check_given, check_motion, check_solvable
+from consilience.reference.bodies.residual import (
+    SOLVABLE,
+    CheckedRows,
+    check_given,
+    check_motion,
+    check_solvable,
+    solvable_rows,
+)
 from consilience.reference.formulations import compiled_choice, compiled_dop853, registry
 from consilience.reference.formulations.body_velocities import AppliedForces, KernelFormulation, kernel_names
 from consilience.reference.integrators.step_control import STATUS
@@ -212,7 +219,7 @@ def _checked(
     """
     model, y, times = flatten(mechanism), pack(mechanism, state), sample_times(times)
     check_given(mechanism, model, times, y)
-    check_solvable(mechanism, model, times[0], y)
+    check_solvable(mechanism, solvable_rows(model), times[0], y)
     found = answer()
     allowed = tolerance * registry.largest_residual(formulation)
     if allowed < np.inf:
@@ -237,7 +244,7 @@ def _compiled(mechanism: Mechanism, state: State, times: Array, tolerance: float
     ws, y = workspace(model), pack(mechanism, state)
     motion, scratch = np.empty((len(times), *y.shape)), compiled_dop853.dop853_scratch(model, y)
     check_given(mechanism, model, times, y)
-    check_solvable(mechanism, model, times[0], y)
+    check_solvable(mechanism, solvable_rows(model), times[0], y)
     count_turns(model, y, ws, scratch.turns)
     number = compiled_choice.FORMULATIONS[formulation]
     label = f"reference, {formulation}, tolerance {tolerance:g}"

@@ -45,6 +45,19 @@ class CheckedRows(NamedTuple):
     model: Model
 
 
+class SolvableRows(NamedTuple):
+    """Rows of a mechanism and the work arrays in which accelerations that satisfy them are sought."""
+
+    model: Model
+    rows: CheckedRows  # a record array
+    ws: Workspace
+
+
+def solvable_rows(model: Model) -> SolvableRows:
+    """Return the rows of a model with new work arrays."""
+    return SolvableRows(model, record_array(CheckedRows(model)), workspace(model))
+
+
 @fused
 def _compare(found: Array, row: int, level: int, residual: float, size: float) -> None:
     """Keep a residual whose ratio to its size is the largest."""
@@ -347,7 +360,7 @@ def check_motion(
     )
 
 
-def check_solvable(mechanism: Mechanism, model: Model, t: float, y: Array) -> None:
+def check_solvable(mechanism: Mechanism, solvable: SolvableRows, t: float, y: Array) -> None:
     """Refuse a consistent packed state y at which no accelerations satisfy all rows, ``Q a = gamma``.
 
     Dependent rows may agree at a pose and contradict each other behind it: a mechanism can move at the pose alone, or
@@ -358,8 +371,9 @@ def check_solvable(mechanism: Mechanism, model: Model, t: float, y: Array) -> No
     NumericalFailure
         With the row.
     """
-    found, ws = np.zeros(TURNS), workspace(model)
-    _unsolved(record_array(CheckedRows(model)), t, y, np.zeros(len(model.coordinate)), ws, found)
+    model, rows, ws = solvable
+    found = np.zeros(TURNS)
+    _unsolved(rows, t, y, np.zeros(len(model.coordinate)), ws, found)
     if found[RATIO] > SOLVABLE:
         raise NumericalFailure(
             f"mechanism '{mechanism.name}': at t = {t:g} s no accelerations satisfy at once "

@@ -16,9 +16,11 @@ from consilience.reference.bodies.residual import (
     CONSISTENT,
     RATIO,
     CheckedRows,
+    SolvableRows,
     check_motion,
     check_solvable,
     refuse_inconsistent,
+    solvable_rows,
 )
 from consilience.reference.bodies.spanning_tree import TreeModel
 from consilience.reference.integrators.step_control import STATUS, UNSUITABLE
@@ -82,6 +84,7 @@ class PreparedMechanism(NamedTuple):
     cut: Model  # the mechanism with the rows that the tree does not satisfy
     residuals: int  # size of the array `found` of `bodies.residual`
     closing: CheckedRows | None  # of `cut`, a record array; None without rows
+    solvable: SolvableRows
     tree_system: TreeSystem  # in its initial state
     tree_alone: bool  # without loops and, in space, without elements
     longest: float  # longest step, s
@@ -130,6 +133,7 @@ def prepare(mechanism: Mechanism, in_space: bool = False) -> PreparedMechanism:
         spanning.cut,
         links.residuals,
         record_array(CheckedRows(spanning.cut)) if spanning.cut_rows else None,
+        solvable_rows(model),
         arrays,
         tree_alone,
         longest_step(model),
@@ -189,7 +193,7 @@ def simulate_prepared(
         if status != UNSUITABLE:
             break
     if dependent:
-        check_solvable(mechanism, prepared.model, times[0], pack(mechanism, state))
+        check_solvable(mechanism, prepared.solvable, times[0], pack(mechanism, state) if status else motion[0])
     label = f"reference, relative, {name}, tolerance {tolerance:g}"
     if status:
         raise NumericalFailure(f"{label}, at {time:.6g} s: {STATUS[status]}")
