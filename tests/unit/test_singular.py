@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 
 from consilience.case import Case
-from consilience.compare import Verdict
+from consilience.compare import ReferenceMotion, Verdict
 from consilience.compare.judge import REFERENCE, judge_case
+from consilience.compare.reference_motion import first_samples
 from consilience.engine import Method, Question, Route, Run, Status, TrajectoryAnswer
+from consilience.engine.worker.client import Reply
+from consilience.engine.worker.requests import Plan
 from consilience.errors import CannotAssemble
 from consilience.mechanism import (
     Drive,
@@ -23,6 +26,7 @@ from consilience.mechanism import (
     singular_pose,
 )
 from consilience.reference import accelerations
+from consilience.suite.engine_runs import EngineCase
 from linkages import FLAT_PARALLELOGRAM, FOLDED_RHOMBUS, four_bar_of, in_other_units, platform, slider_crank, with_crank
 from mechanisms import ELEMENTS, LOOPS, TREES, states_of
 
@@ -129,13 +133,16 @@ def test_a_singular_pose_is_unresolved_where_the_reference_has_no_answer(questio
     assert judge_case(regular, [failed])[0].verdict is Verdict.FAILED
 
 
+def through_a_change_point():
+    """Motion whose third sample is the last before the change point."""
+    states = [with_crank(FLAT_PARALLELOGRAM, angle) for angle in (-0.25, -0.15, -0.05, 0.05, 0.15)]
+    parts = [np.array([getattr(s, name) for s in states]) for name in ("p_WB", "quat_WB", "v_WB_W", "w_WB_W")]
+    return case_of(FLAT_PARALLELOGRAM), TrajectoryAnswer(0.1 * np.arange(5.0), *parts)
+
+
 def test_a_motion_through_a_change_point_is_judged_up_to_it():
     """Another branch behind the change point is no error; a difference before it is one."""
-    angles = np.array([-0.25, -0.15, -0.05, 0.05, 0.15])
-    states = [with_crank(FLAT_PARALLELOGRAM, angle) for angle in angles]
-    parts = [np.array([getattr(s, name) for s in states]) for name in ("p_WB", "quat_WB", "v_WB_W", "w_WB_W")]
-    truth = TrajectoryAnswer(0.1 * np.arange(5.0), *parts)
-    case = case_of(FLAT_PARALLELOGRAM)
+    case, truth = through_a_change_point()
     behind, before = (np.array(f)[:, None, None] for f in ([0.0, 0.0, 0.0, 0.01, 0.02], [0.0, 0.01, 0.02, 0.01, 0.02]))
     found = judged(case, Question.TRAJECTORY, truth, replace(truth, p_WB=truth.p_WB + behind))
     assert (found.verdict, found.horizon) == (Verdict.AGREES, pytest.approx(0.2))
@@ -145,6 +152,38 @@ def test_a_motion_through_a_change_point_is_judged_up_to_it():
     at_once = replace(truth, **{k: getattr(truth, k)[2:] for k in ("time", "p_WB", "quat_WB", "v_WB_W", "w_WB_W")})
     found = judged(case, Question.TRAJECTORY, at_once, replace(at_once, p_WB=at_once.p_WB + behind[2:]))
     assert (found.verdict, found.rule) == (Verdict.UNRESOLVED, "singular pose")
+
+
+class Locks:
+    """A worker whose engine stops at the change point; its motions have an error besides that of steps."""
+
+    engine = "e"
+
+    def __init__(self, truth, error):
+        self.truth, self.error = truth, error
+
+    def ask(self, request):
+        count = len(request.times)
+        if count > 3:
+            return Reply(None, returned=False, reason="RuntimeError: the solver stopped")
+        own = first_samples(self.truth, count)
+        off = (1e-3 * request.step**2 + self.error) * np.arange(count)[:, None, None]
+        return Reply(replace(own, p_WB=own.p_WB + off), returned=True)
+
+
+@pytest.mark.parametrize(("error", "verdict"), [(0.0, Verdict.AGREES), (1e-3, Verdict.MODEL)])
+def test_an_engine_that_fails_at_a_change_point_is_judged_up_to_it(error, verdict):
+    case, truth = through_a_change_point()
+    method = Method("m", Route.NATIVE, 2, (10, 20, 40))
+    yard = ReferenceMotion(truth, np.zeros(5), case.digits)
+    asked = EngineCase(Locks(truth, error), case, Plan({}, {}, {}), reference_motion=yard)
+    runs = list(asked.ladder(Question.TRAJECTORY, method, [0.01, 0.005, 0.0025]))
+    assert all("the solver stopped" in run.log for run in runs)
+    known = Run("c", REFERENCE, Question.TRAJECTORY, METHOD, 0, None, Status.ANSWERED, truth)
+    found = next(c for c in judge_case(case, [known, *runs]) if c.engine == "e")
+    assert (found.verdict, found.horizon) == (verdict, pytest.approx(0.2))
+    assert "a singular pose comes before 0.3 s, and nothing is judged behind it, where the engine fails" in found.why
+    assert [len(level.difference) for level in found.levels] == [len(found.times)] * len(runs)
 
 
 def test_random_states_of_a_mechanism_that_locks_say_so():

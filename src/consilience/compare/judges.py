@@ -24,7 +24,7 @@ from consilience.compare.result import CoarserLevel, Comparison, Quantity, Verdi
 from consilience.compare.rules import OTHER_LAWS
 from consilience.compare.trajectory import coarser_levels, compare_trajectory
 from consilience.engine import Method, ModelAnswer, Profile, Question, Run
-from consilience.mechanism import State, characteristic_length, first_singular, is_singular
+from consilience.mechanism import characteristic_length, is_singular
 
 
 class QuestionJudge:
@@ -167,16 +167,18 @@ class TrajectoryJudge(QuestionJudge):
         """Compare by the rules; the coarser levels of the best reference are shown with the published values.
 
         Where the motion passes a singular pose, a difference counts only before it: there a motion may take another
-        branch.
+        branch. An engine that fails there has answered up to it.
         """
         own = [run for run in levels if run is not self.references[0]]
         earlier, mechanism, motion = self._earlier(levels[0]), self.case.mechanism, self._motion(method_of(levels[0]))
         compared = compare_trajectory(mechanism, own, motion, softer, earlier)
-        if compared.verdict in (Verdict.MODEL, Verdict.UNRESOLVED) and self._first_singular is not None:
+        short = any(len(run.answer.time) < len(motion.answer.time) for run in own)
+        if (short or compared.verdict in (Verdict.MODEL, Verdict.UNRESOLVED)) and self._first_singular is not None:
             before = replace(motion, singular=self._first_singular)
             compared = compare_trajectory(mechanism, own, before, softer, earlier)
             at = before.answer.time[self._first_singular]
             why = f"{compared.why}; a singular pose comes before {at:.3g} s, and nothing is judged behind it"
+            why += ", where the engine fails" if short else ""
             compared = replace(compared, why=why)
         return compared if len(own) == len(levels) else replace(compared, quantities=self.known)
 
@@ -195,9 +197,7 @@ class TrajectoryJudge(QuestionJudge):
     @cached_property
     def _first_singular(self) -> int | None:
         """First sample of the reference motion at or behind a singular pose."""
-        motion = self.reference_motion.answer
-        states = [State(*at) for at in zip(motion.p_WB, motion.quat_WB, motion.v_WB_W, motion.w_WB_W, strict=True)]
-        return first_singular(self.case.mechanism, states, motion.time)
+        return self.reference_motion.first_singular(self.case.mechanism)
 
     def _earlier(self, run: Run) -> str:
         """Describe the difference of an engine at `model`, or at `instant` if all methods of the profile differ."""

@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from consilience.compare.horizon import judged_samples
 from consilience.compare.power import MotionSensitivity
 from consilience.engine import EVENT_KINDS, TrajectoryAnswer
-from consilience.mechanism import Array
+from consilience.mechanism import Array, Mechanism, State, first_singular
 
 IMPACT = EVENT_KINDS.index("impact")
+
+_SAMPLED = (
+    *("time", "p_WB", "quat_WB", "v_WB_W", "w_WB_W"),
+    *("contact_gap", "contact_impulse", "contact_mode", "contact_loss"),
+)
+"""Fields of a motion that have a row for each sample."""
+
+
+def first_samples(answer: TrajectoryAnswer, count: int) -> TrajectoryAnswer:
+    """Return the first samples of a motion."""
+    rows = {name: getattr(answer, name) for name in _SAMPLED}
+    return replace(answer, **{name: value[:count] for name, value in rows.items() if value is not None})
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +98,19 @@ class ReferenceMotion:
         """Times of the other events, s: the acceleration jumps where contacts or frictions change their mode."""
         kinds, times = self.answer.event_kind, self.answer.event_time
         return np.zeros(0) if kinds is None or times is None else np.asarray(times)[np.asarray(kinds) != IMPACT]
+
+    def up_to(self, count: int) -> ReferenceMotion:
+        """Return the first samples alone, for motions that end there."""
+        law = self.other_law and replace(self.other_law, answer=first_samples(self.other_law.answer, count))
+        growth = None if self.growth is None else self.growth[:count]
+        answer = first_samples(self.answer, count)
+        return replace(self, answer=answer, spread=self.spread[:count], growth=growth, other_law=law)
+
+    def first_singular(self, mechanism: Mechanism) -> int | None:
+        """Return the first sample at or behind a singular pose; None if there is none."""
+        motion = self.answer
+        states = [State(*at) for at in zip(motion.p_WB, motion.quat_WB, motion.v_WB_W, motion.w_WB_W, strict=True)]
+        return first_singular(mechanism, states, motion.time)
 
     @property
     def judged(self) -> int:

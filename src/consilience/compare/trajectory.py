@@ -32,7 +32,7 @@ from consilience.compare.motion import (
     size_of_motion,
     state_at,
 )
-from consilience.compare.reference_motion import ReferenceMotion
+from consilience.compare.reference_motion import ReferenceMotion, first_samples
 from consilience.compare.result import CoarserLevel, Comparison, Level, Verdict, digits_of
 from consilience.compare.rules import NO_POWER, decide
 from consilience.engine import Question, Run, TrajectoryAnswer
@@ -84,10 +84,17 @@ class _Ladder:
 class _Levels:
     """Answered runs of one method, coarse to fine, compared with a reference motion."""
 
-    def __init__(self, mechanism: Mechanism, runs: Sequence[Run], reference_motion: ReferenceMotion) -> None:
-        self.mechanism, self.runs, self.reference_motion = mechanism, runs, reference_motion
-        self.answers, self.steps = [run.answer for run in runs], [run.step for run in runs]
-        self.reference, self.judged = reference_motion.answer, reference_motion.judged
+    def __init__(
+        self, mechanism: Mechanism, runs: Sequence[Run], reference_motion: ReferenceMotion, softer: Sequence[Run] = ()
+    ) -> None:
+        self.mechanism, self.runs, self.softer = mechanism, runs, softer
+        self.duration = float(np.ptp(reference_motion.answer.time))
+        # an engine that fails at a singular pose has answered up to there
+        count = min(len(run.answer.time) for run in (*runs, *softer))
+        self.reference_motion = reference_motion.up_to(count)
+        self.answers, self.steps = [first_samples(run.answer, count) for run in runs], [run.step for run in runs]
+        self.soft_answers = [first_samples(run.answer, count) for run in softer]
+        self.reference, self.judged = self.reference_motion.answer, self.reference_motion.judged
         self.scales = Scales.of(mechanism, self.reference)
         self.errors = [difference_over_time(a, self.reference, self.scales.size) for a in self.answers]
         self.ladder = self._ladder()
@@ -123,14 +130,14 @@ class _Levels:
         """Return the largest difference of a motion to the reference up to the horizon."""
         return float(np.max(difference_over_time(motion, self.reference, self.scales.size)[: self.judged]))
 
-    def evidence(self, softer: Sequence[Run] = (), earlier: str = "") -> Evidence:
+    def evidence(self, earlier: str = "") -> Evidence:
         """Return the numbers by which the levels are judged."""
         last, time, ladder = max(self.judged - 1, 0), self.reference.time, self.ladder
-        soft, hard_limit, method = *self._dependence(softer), self.runs[-1].method
+        soft, hard_limit, method = *self._dependence(), self.runs[-1].method
         found = Evidence(
             asked=10.0**-self.reference_motion.digits,
             judged=float(time[last] - time[0]),
-            duration=float(np.ptp(time)),
+            duration=self.duration,
             reference=float(self.reference_motion.spread[last]),
             dispute=self.reference_motion.dispute,
             singular=self.reference_motion.singular is not None,
@@ -153,7 +160,7 @@ class _Levels:
             together=self.reference_motion.joint_impact,
             phase=self._phase(float(time[last])),
             jumps=self._jumps(float(time[last])),
-            untried=method is not None and method.softness is not None and not softer,
+            untried=method is not None and method.softness is not None and not self.softer,
             envelope=ladder.envelope,
             **self._other_law(),
         )
@@ -224,15 +231,15 @@ class _Levels:
         off = difference_over_time(self.answers[-1], other.answer, self.scales.size)[: self.judged]
         return {"law": other.name, "law_cause": other.cause, "off_law": float(np.max(off, initial=0.0))}
 
-    def _dependence(self, softer: Sequence[Run]) -> tuple[softness.Softness | None, float]:
+    def _dependence(self) -> tuple[softness.Softness | None, float]:
         """Return the dependence on softness, and the difference of the limit without softness and steps.
 
         None and infinity without runs of the finest level at other softness; infinity without asymptotic levels.
         """
-        answers = [self.answers[-1], *(run.answer for run in softer)]
+        answers = [self.answers[-1], *self.soft_answers]
         if len(answers) < 3 or self.judged < 2:
             return None, np.inf
-        found = [run.method.softness or 1.0 for run in softer if run.method is not None]
+        found = [run.method.softness or 1.0 for run in self.softer if run.method is not None]
         soft, limit = softness.of_motions(answers, found, self.reference, self.scales, slice(self.judged))
         declared = self.ladder.declared
         if declared is None or not self.ladder.asymptotic:
@@ -285,10 +292,10 @@ def compare_trajectory(
     earlier : str
         Difference of the engine at `model` or `instant`, in words.
     """
-    levels, method, reference = _Levels(mechanism, runs, reference_motion), runs[0].method, reference_motion.answer
+    levels, method = _Levels(mechanism, runs, reference_motion, softer), runs[0].method
     assert method is not None
-    ladder = levels.ladder
-    evidence = levels.evidence(softer, earlier)
+    ladder, reference, growth = levels.ladder, levels.reference, levels.reference_motion.growth
+    evidence = levels.evidence(earlier)
     rule, why = decide(evidence)
     samples = kept_samples(len(reference.time))
     return Comparison(
@@ -308,11 +315,11 @@ def compare_trajectory(
         self_order=ladder.self_order,
         band=ladder.band,
         reference_spread=evidence.reference,
-        horizon=evidence.judged if levels.judged < len(reference.time) else None,
+        horizon=evidence.judged if levels.judged < len(reference_motion.answer.time) else None,
         softness=evidence.softness,
         observables=uncertainty.estimates(levels.answers, method, levels.steps, levels.scales),
         times=tuple(float(t) for t in reference.time[samples]),
-        growth=() if reference_motion.growth is None else tuple(float(g) for g in reference_motion.growth[samples]),
+        growth=() if growth is None else tuple(float(g) for g in growth[samples]),
         levels=levels.shown(samples),
         power=tuple(s.power(evidence.passes, levels.judged) for s in reference_motion.sensitivities),
     )

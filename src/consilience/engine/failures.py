@@ -34,6 +34,9 @@ class FailureClass(StrEnum):
     """There is no answer for another reason."""
 
 
+AT_A_STATE = (FailureClass.NOT_FINITE, FailureClass.REFUSED)
+"""Failures that a state on the way may cause."""
+
 _CLASSES: tuple[tuple[FailureClass, str], ...] = (
     (FailureClass.TIME, r"no answer within "),
     (FailureClass.MEMORY, r"out of memory: "),

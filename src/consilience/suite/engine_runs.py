@@ -21,6 +21,7 @@ from consilience.compare.power import MEASURED
 from consilience.compare.softness import SCALES
 from consilience.compare.uncertainty import MOST_LEVELS, affordable, needs_another_level
 from consilience.engine import EngineInfo, Method, Question, Run, Status, Unsupported, defects, load_named
+from consilience.engine.failures import AT_A_STATE, failure_class
 from consilience.engine.worker.client import EngineHandle, replayable_job
 from consilience.engine.worker.requests import NO_METHOD, Plan, Request
 from consilience.mechanism import Array, Mechanism, PhysicalParameter, State, displaced_states
@@ -174,20 +175,20 @@ class EngineCase:
         """Ask at all levels of a method; if `closer`, also at finer ones until the order settles, and softer."""
         runs: list[Run] = []
         for level, step in enumerate(levels):
-            runs.append(self.once(question, method, level, step))
+            runs.append(self._level(question, method, level, step))
             yield runs[-1]
         if not self.thoroughness.closer:
             return
         for step in self._stable_steps(method, runs):
             if len(runs) > len(levels) and not affordable(runs[-1].cpu):
                 break
-            runs.append(self.once(question, method, len(runs), step))
+            runs.append(self._level(question, method, len(runs), step))
             yield runs[-1]
         asked, runs = len(runs), stable_levels(self.case, runs)
         if any(run.answer is None for run in runs):
             return
         while not (prospect := self._prospect(runs)).decided and (step := self._finer(method, runs, prospect)):
-            runs.append(self.once(question, method, asked, step))
+            runs.append(self._level(question, method, asked, step))
             asked += 1
             yield runs[-1]
             if runs[-1].answer is None:
@@ -195,7 +196,21 @@ class EngineCase:
         if method.softness is not None and not prospect.decided:
             for scale in SCALES[method.profile]:
                 softer = replace(method, softness=scale * method.softness)
-                yield self.once(question, softer, runs[-1].level, runs[-1].step)
+                yield self._level(question, softer, runs[-1].level, runs[-1].step)
+
+    def _level(self, question: Question, method: Method, level: int, step: float | None) -> Run:
+        """Ask at one level; for a motion that fails once more, up to the first singular pose of the reference."""
+        run = self.once(question, method, level, step)
+        if not question.over_time or failure_class(run.reason) not in AT_A_STATE or self._before_singular < 2:
+            return run
+        again = self.once(question, method, level, step, times=self.case.times[: self._before_singular])
+        return run if again.answer is None else replace(again, log=f"{again.log}to the end: {run.reason}\n{run.log}")
+
+    @cached_property
+    def _before_singular(self) -> int:
+        """Number of samples before the first singular pose of the reference motion; zero if there is none."""
+        motion = self.reference_motion
+        return (motion and motion.first_singular(self.case.mechanism)) or 0
 
     def _stable_steps(self, method: Method, runs: Sequence[Run]) -> list[float]:
         """Return steps of a second ladder, if no step of the first is stable, or none resolves the fastest rate.

@@ -13,7 +13,7 @@ import numpy as np
 
 from consilience.engine.answers import Method, Profile, Route
 from consilience.engine.questions import Question
-from consilience.mechanism import Mechanism, Units, characteristic_length, own_units
+from consilience.mechanism import Mechanism, Units, applied_wrenches, characteristic_length, drawing_state, own_units
 
 SETTING = "units (m, kg, s)"
 """Setting of a method that lists the sizes of its units."""
@@ -44,10 +44,12 @@ def with_units(mechanism: Mechanism, question: Question, methods: tuple[Method, 
 
 
 def _units(mechanism: Mechanism) -> Units:
-    """Return the units of a mechanism, those of SI where its sizes are ordinary; the time is that of its swinging."""
-    fall = float(np.linalg.norm(mechanism.gravity))
-    time = float(np.sqrt(characteristic_length(mechanism) / fall)) if fall else 1.0
-    own = own_units(mechanism, time)
+    """Return the units of a mechanism, those of SI where its sizes are ordinary; the time is that of its falling."""
+    mass, length = sum(body.mass for body in mechanism.bodies), characteristic_length(mechanism)
+    pull = applied_wrenches(mechanism, drawing_state(mechanism)).total / (mass * length)
+    pull[:, 3:] /= length
+    fastest = float(np.sqrt(np.max(np.abs(pull))))
+    own = own_units(mechanism, 1.0 / fastest if 0.0 < fastest < np.inf else 1.0)
     return Units(*(1.0 if 1.0 / ORDINARY <= factor <= ORDINARY else factor for factor in own))
 
 
