@@ -12,7 +12,7 @@ from consilience.errors import NumericalFailure
 from consilience.mechanism import skew
 from consilience.reference.contact.cones import sticking_margin
 from consilience.reference.contact.decision import decide, solutions
-from consilience.reference.contact.mode_system import sliding_indicator, solve_with_modes
+from consilience.reference.contact.mode_system import columns_and_rows, sliding_indicator, solve_with_modes
 from consilience.reference.contact.problem import ContactProblem, FrictionSet
 from consilience.reference.contact.search import PainleveParadox
 from consilience.reference.contact.uniqueness import proven_unique
@@ -113,7 +113,9 @@ def test_static_friction_holds_more_than_kinetic():
 def test_painleve_rod(angle, rate, A, B, normal_forces):
     # Genot and Brogliato (1999): A = 1 + 3 cos th (cos th - mu sin th), mu 1.5
     problem = rod(angle, 1.5, rate)
-    assert sliding_indicator(problem, problem.natural_modes()) * problem.delassus[0, 0] == pytest.approx(A, rel=1e-11)
+    _, S, E = columns_and_rows(problem, problem.natural_modes())
+    indicator = sliding_indicator(problem.delassus, problem.row_scale(), S, E)
+    assert indicator * problem.delassus[0, 0] == pytest.approx(A, rel=1e-11)
     assert problem.free[0] == pytest.approx(B, rel=1e-12)
     found = sorted(float(s.force[0]) for s in solutions(problem))
     np.testing.assert_allclose(found, normal_forces, rtol=1e-11)

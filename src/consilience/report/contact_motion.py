@@ -8,7 +8,18 @@ from typing import Any
 import numpy as np
 
 from consilience.engine import CONTACT_MODES, EVENT_KINDS, TrajectoryAnswer
-from consilience.mechanism import Array, Contact, DryFriction, Mechanism, State, Stop, contact_parts, nearest_points
+from consilience.mechanism import (
+    Array,
+    Contact,
+    DryFriction,
+    Mechanism,
+    State,
+    Stop,
+    contact_pairs,
+    contact_parts,
+    determinate_forces,
+    nearest_points,
+)
 
 CLOSED = 1e-6
 """Largest gap of a part that shares the point of a force, over the largest distance between parts' gaps."""
@@ -34,6 +45,9 @@ def contacts_at_frames(mechanism: Mechanism, answer: TrajectoryAnswer, samples: 
 
     A force is the impulse on `body` since the frame before over the time since then: it exists across impacts. Its
     point is the mean of the nearest points of the parts that touch. Nothing where the motion has no impulses or modes.
+
+    Where equilibrium leaves a force open, before or after the interval, the force is one of many; what is known then is
+    at most the sum over all contacts of the two bodies.
     """
     impulse, modes = answer.contact_impulse, answer.contact_mode
     if impulse is None or modes is None or len(samples) < 2:
@@ -42,6 +56,11 @@ def contacts_at_frames(mechanism: Mechanism, answer: TrajectoryAnswer, samples: 
     ends, spans = pairwise(samples), np.diff(answer.time[samples])
     force = np.array([impulse[a + 1 : b + 1].sum(axis=0) / h for (a, b), h in zip(ends, spans, strict=True)])
     force = np.concatenate([force[:1], force])  # at the first frame nothing has passed: that of the next one
+    signs = contact_pairs(mechanism.contacts)
+    pair, sums = np.argmax(np.abs(signs), axis=0), np.einsum("pc,kci->kpi", signs, force)
+    known = [determinate_forces(mechanism, state) for state in states]
+    own = _on_both_sides(np.array([one.contacts for one in known]))
+    joint = _on_both_sides(np.array([one.pairs for one in known]))
     return [
         {
             "name": contact.name,
@@ -49,6 +68,12 @@ def contacts_at_frames(mechanism: Mechanism, answer: TrajectoryAnswer, samples: 
             "partner": _plain([one[1] for one in points]),
             "gap": _plain([one[2] for one in points]),
             "force": _plain(force[:, c]),
+            "open": [not sure for sure in own[:, c].tolist()],
+            "together": [
+                _plain(signs[p, c] * total) if sure else None
+                for p in [pair[c]]
+                for sure, total in zip(joint[:, p], sums[:, p], strict=True)
+            ],
             "mode": [CONTACT_MODES[m] for m in modes[samples, c]],
         }
         for c, contact in enumerate(mechanism.contacts)
@@ -63,6 +88,13 @@ def _touching(mechanism: Mechanism, state: State, contact: Contact) -> tuple[Arr
     own = np.flatnonzero(gaps <= gaps.min() + CLOSED * np.ptp(gaps))
     on_body, on_partner = (np.mean([getattr(near[k], side) for k in own], axis=0) for side in ("on_body", "on_partner"))
     return on_body, on_partner, float(gaps.min())
+
+
+def _on_both_sides(known: Array) -> Array:
+    """Return whether all components, (n_t, n, 3), are known at each frame and at the one before, shape (n_t, n)."""
+    both = np.all(known, axis=2)
+    both[1:] &= both[:-1]
+    return np.asarray(both)
 
 
 def _plain(values: Any) -> list[Any]:

@@ -110,6 +110,11 @@ class ReplayContact(StrictModel):
     gap: list[_Number]
     force: list[_Triple]
     mode: list[_Mode]
+    open: list[bool] = Field(default_factory=list)
+    """Whether equilibrium leaves the force open; absent in earlier files, as the next."""
+
+    together: list[_Triple | None] = Field(default_factory=list)
+    """Sum over all contacts of the two bodies, on `body`, where it is determined."""
 
 
 class ReplayMotion(StrictModel):
@@ -127,7 +132,8 @@ class ReplayMotion(StrictModel):
     @model_validator(mode="after")
     def _as_many(self) -> ReplayMotion:
         for c in self.contacts:
-            if {len(x) for x in (c.body, c.partner, c.gap, c.force, c.mode)} != {self.count}:
+            newer = [x for x in (c.open, c.together) if x]
+            if {len(x) for x in (c.body, c.partner, c.gap, c.force, c.mode, *newer)} != {self.count}:
                 raise ValueError("values of a contact are not as many as frames")
         return self
 

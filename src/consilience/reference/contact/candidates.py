@@ -48,82 +48,70 @@ def _directions(one: FrictionSet, base: FrictionMode, outer: bool) -> Array:
     return one.static * vertices
 
 
-def guess(problem: ContactProblem, outer: bool = False, covering: Array | None = None) -> Modes | None:
-    """Guess modes from the linear complementarity problem of Stewart and Trinkle (1996).
+class PyramidProblem:
+    """Linear complementarity problem of Stewart and Trinkle (1996), which guesses modes.
 
     Unknowns are the normal forces, the shares beta of the vertices of each undecided friction set, and its slip lambda:
 
         0 <= N _|_ u_n >= 0,   0 <= beta _|_ lambda + d . u_t >= 0,   0 <= lambda _|_ (N + offset) - sum beta >= 0.
-
-    Parameters
-    ----------
-    outer : bool
-        Whether pyramids that stand for circles are circumscribed.
-    covering : ndarray, optional
-        Shape (n + number of undecided sets,): weights of the covering vector, to look for other solutions.
     """
-    natural, m, n = problem.natural_modes(), len(problem.free), len(problem.normals)
-    weight = problem.row_scale()
-    constant, columns = np.zeros(m), []
-    for row in problem.normals:
-        column = np.zeros(m)
-        column[row] = 1.0
-        columns.append(column)
-    for one, mode in zip(problem.friction, natural.friction, strict=True):
-        constant[list(one.rows)] += one.offset * mode.drag
-        if one.load is not None:
-            columns[problem.normals.index(one.load)][list(one.rows)] += mode.drag
-    sets, owner = undecided(problem), []
-    for j in sets:
-        one = problem.friction[j]
-        for direction in _directions(one, natural.friction[j], outer):
-            column = np.zeros(m)
-            column[list(one.rows)] = direction
-            columns.append(column)
-            owner.append(j)
-    if not columns:
-        return natural
-    P = np.array(columns).T
-    tests = P.copy()
-    tests[:, :n] = np.eye(m)[:, list(problem.normals)]
-    # one scale for all vertices of a set: they share the slip lambda
-    scales = [*weight[list(problem.normals)], *(float(np.mean(weight[list(problem.friction[j].rows)])) for j in owner)]
-    z = _solve(problem, (constant, P, tests / np.array(scales)), owner, sets, covering)
-    if z is None:
-        return None
-    return modes_of(problem, problem.acceleration(constant + P @ z))
 
+    def __init__(self, problem: ContactProblem, outer: bool = False) -> None:
+        """Set up a problem; with `outer` the pyramids that stand for circles are circumscribed."""
+        self._problem, self._sets = problem, undecided(problem)
+        natural, m, normals = problem.natural_modes(), len(problem.free), list(problem.normals)
+        P, self._constant = [np.eye(m)[normals]], np.zeros(m)
+        for one, mode in zip(problem.friction, natural.friction, strict=True):
+            self._constant[list(one.rows)] += one.offset * mode.drag
+            if one.load is not None:
+                P[0][normals.index(one.load), list(one.rows)] += mode.drag
+        scales = [problem.row_scale()[normals]]
+        for j in self._sets:
+            one = problem.friction[j]
+            directions = _directions(one, natural.friction[j], outer)
+            P.append(np.zeros((len(directions), m)))
+            P[-1][:, list(one.rows)] = directions
+            # one scale for all vertices of a set: they share the slip lambda
+            scales.append(np.full(len(directions), np.mean(problem.row_scale()[list(one.rows)])))
+        self._P, self._owner = np.vstack(P).T, np.repeat(np.arange(len(self._sets)), [len(part) for part in P[1:]])
+        tests = self._P.copy()
+        tests[:, : len(normals)] = np.eye(m)[:, normals]
+        self._M, self._q = self._system(tests / np.concatenate(scales))
 
-def _solve(
-    problem: ContactProblem,
-    forces: tuple[Array, Array, Array],
-    owner: list[int],
-    sets: tuple[int, ...],
-    covering: Array | None,
-) -> Array | None:
-    """Return the forces N and beta."""
-    constant, P, tests = forces
-    n, k, s = len(problem.normals), len(owner), len(sets)
-    unit = float(np.max(np.abs(problem.free) / problem.row_scale())) or 1.0
-    M, q = np.zeros((n + k + s, n + k + s)), np.zeros(n + k + s)
-    M[: n + k, : n + k] = tests.T @ problem.delassus @ P
-    q[: n + k] = tests.T @ problem.acceleration(constant) / unit
-    for c, j in enumerate(owner):
-        lam = n + k + sets.index(j)
-        M[n + c, lam] = 1.0
-        M[lam, n + c] = -1.0
-    for c, j in enumerate(sets):
-        one = problem.friction[j]
-        if one.load is not None:
-            M[n + k + c, problem.normals.index(one.load)] = 1.0
-        q[n + k + c] = one.offset / unit
-    cover = np.ones(n + k + s)
-    if covering is not None:
-        cover[:n] = covering[:n]
-        for c, j in enumerate(owner):
-            cover[n + c] = covering[n + sets.index(j)]
-    z = solve_lcp(M, q, cover)
-    return None if z is None else unit * z[: n + k]
+    def _system(self, tests: Array) -> tuple[Array, Array]:
+        """Return matrix and constant for forces in units of `_unit`."""
+        problem, n, k, s = self._problem, len(self._problem.normals), len(self._owner), len(self._sets)
+        self._unit = float(np.max(np.abs(problem.free) / problem.row_scale(), initial=0.0)) or 1.0
+        M, q = np.zeros((n + k + s, n + k + s)), np.zeros(n + k + s)
+        M[: n + k, : n + k] = tests.T @ problem.delassus @ self._P
+        q[: n + k] = tests.T @ problem.acceleration(self._constant) / self._unit
+        vertices = np.arange(n, n + k)
+        M[vertices, n + k + self._owner], M[n + k + self._owner, vertices] = 1.0, -1.0
+        for c, j in enumerate(self._sets):
+            one = problem.friction[j]
+            if one.load is not None:
+                M[n + k + c, problem.normals.index(one.load)] = 1.0
+            q[n + k + c] = one.offset / self._unit
+        return M, q
+
+    def guess(self, covering: Array | None = None) -> Modes | None:
+        """Guess modes; None where the method ends on a ray.
+
+        Parameters
+        ----------
+        covering : ndarray, optional
+            Shape (n + number of undecided sets,): weights of the covering vector, to look for other solutions.
+        """
+        problem, n, k = self._problem, len(self._problem.normals), len(self._owner)
+        if not n + k:
+            return problem.natural_modes()
+        cover = np.ones(len(self._q))
+        if covering is not None:
+            cover[: n + k] = np.concatenate([covering[:n], covering[n + self._owner]])
+        z = solve_lcp(self._M, self._q, cover)
+        if z is None:
+            return None
+        return modes_of(problem, problem.acceleration(self._constant + self._unit * (self._P @ z[: n + k])))
 
 
 def modes_of(problem: ContactProblem, acceleration: Array) -> Modes:

@@ -129,11 +129,24 @@ def sticking_margin(problem: ContactProblem, modes: Modes, solution: ModeSolutio
     return StickingMargin(float(np.min(slack, initial=np.inf)), force, of_normal, of_friction)
 
 
-def admissible_force(problem: ContactProblem, solution: ModeSolution, margin: StickingMargin) -> Array:
-    """Return the force of least norm in the cones; that of the widest margin where there is none but this."""
+def admissible_force(
+    problem: ContactProblem, solution: ModeSolution, margin: StickingMargin, room: float = 0.0
+) -> Array:
+    """Return the force of least norm in the cones; that of the widest margin where there is none but this.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+    solution : ModeSolution
+    margin : StickingMargin
+        Of the modes of the solution.
+    room : float
+        Margin that the force keeps, over the forces; half of the widest where that is less.
+    """
     cones = _Cones(problem, solution.modes)
     k = solution.undetermined.shape[1]
     unit = _unit_of(solution, cones)
+    cones.t -= min(room * unit, 0.5 * max(margin.value, 0.0))
     if k == 0 or float(np.min(cones.slack(solution.force), initial=np.inf)) >= 0.0:
         return solution.force
     if margin.value <= np.sqrt(_GAP) * unit:

@@ -1,5 +1,7 @@
 """State derivative with lasting contacts in given modes, compiled; the equations are those of `equations`.
 
+Calls from Python give the system as an array of words (`mechanism_record`).
+
 Instead of singular values, the basis of the joint rows in the mass metric comes from Gram and Schmidt with pivoting,
 each vector twice, up to the rank of the last projection.
 """
@@ -13,11 +15,12 @@ import numpy as np
 from consilience.mechanism import RANK_TOLERANCE, Array
 from consilience.reference.bodies import constraints, forces
 from consilience.reference.bodies.arrays import Model, Workspace
-from consilience.reference.bodies.forces import control_errors
+from consilience.reference.bodies.forces import control_errors, count_turns
 from consilience.reference.bodies.mass_metric import solve_factor, solve_factor_transposed
 from consilience.reference.bodies.motion import rotations, state_rates
 from consilience.reference.contact.pairs import RowMotion, move_rows
-from consilience.reference.kernel.compiled import allocating, inner
+from consilience.reference.kernel.compiled import allocating, inner, kernel
+from consilience.reference.kernel.mechanism_record import fields_of
 
 RANK = 1e-9
 """Singular values of the scaled system of given modes below this count as zero: dependent contacts."""
@@ -37,6 +40,7 @@ class ActiveModes(NamedTuple):
     drag: Array  # (s, 2)
     held: Array  # (s, 2, 2) directions
     holds: Array  # (s,) number of the directions that are held
+    chosen: Array  # (m,) forces on rows: those that are undetermined are the nearest to them
     rank: Array  # (1,) limit of the rank of the joint rows
     owner: Array  # (n,) declared contact of each pair
 
@@ -229,6 +233,49 @@ def _keep_joints(model: Model, limit: int, ws: Workspace, a: Array, K: Array) ->
         _project_out(B, rank, K[r])
 
 
+@kernel
+def move(words: ContactSystem, y: Array, turns: Array) -> None:
+    """Evaluate the rows of contacts at a state."""
+    system = fields_of(words)
+    rotations(y, system.ws.A)
+    move_rows(system.model, system.pairs, system.limits, y, turns, system.ws.A, system.rows)
+
+
+@kernel
+def apply_forces(words: ContactSystem, t: float, y: Array, turns: Array) -> None:
+    """Evaluate applied forces at a state whose rotations are known."""
+    system = fields_of(words)
+    forces.evaluate(system.model, t, y, turns, system.ws)
+
+
+@kernel
+def restrain(words: ContactSystem, t: float, y: Array, turns: Array) -> None:
+    """Evaluate the rows of joints at a state."""
+    system = fields_of(words)
+    rotations(y, system.ws.A)
+    constraints.evaluate(system.model, t, y, turns, system.ws)
+
+
+@kernel
+def follow_turns(words: ContactSystem, y: Array, turns: Array) -> None:
+    """Replace joint coordinates by their values at a state (`count_turns`)."""
+    system = fields_of(words)
+    count_turns(system.model, y, system.ws, turns)
+
+
+@kernel
+def columns(words: ContactSystem, S: Array, E: Array, constant: Array) -> None:
+    """Write what modes say at the last state, as `_columns`."""
+    system = fields_of(words)
+    _columns(system.modes, system.rows, S, E, constant)
+
+
+@allocating
+def forces_in_modes(words: ContactSystem, t: float, y: Array, turns: Array, a: Array, p: Array) -> None:
+    """Compute rows, accelerations and forces in given modes, as `accelerations`."""
+    accelerations(fields_of(words), t, y, turns, a, p)
+
+
 @allocating
 def accelerations(system: ContactSystem, t: float, y: Array, turns: Array, a: Array, p: Array) -> None:
     """Compute rows, accelerations and the forces on all rows in given modes.
@@ -262,6 +309,8 @@ def accelerations(system: ContactSystem, t: float, y: Array, turns: Array, a: Ar
         count += modes.holds[j]
     S, E = np.zeros((count, p.shape[0])), np.zeros((count, p.shape[0]))
     _columns(modes, rows, S, E, p)
+    for k in range(count):
+        _add(p, _dot(E[k], modes.chosen), S[k])
     G = K @ K.T
     free = load @ a + rows.bias + G @ p
     if count > 0:
@@ -278,12 +327,12 @@ def accelerations(system: ContactSystem, t: float, y: Array, turns: Array, a: Ar
 
 
 @allocating
-def rates(system: ContactSystem, t: float, Y: Array, turns: Array, dY: Array) -> None:
+def rates(words: ContactSystem, t: float, Y: Array, turns: Array, dY: Array) -> None:
     """Write the derivative of the state, of the impulses of contacts, and of the energy lost.
 
     Parameters
     ----------
-    system : ContactSystem
+    words : ContactSystem
     t, turns
         As in `constraints.evaluate`.
     Y : ndarray
@@ -291,6 +340,7 @@ def rates(system: ContactSystem, t: float, Y: Array, turns: Array, dY: Array) ->
     dY : ndarray, shape of Y
         Overwritten.
     """
+    system = fields_of(words)
     model, rows = system.model, system.rows
     bodies = model.mass.shape[0]
     count = 13 * (bodies + (model.control.shape[0] + 12) // 13)

@@ -23,10 +23,18 @@ import numpy as np
 
 from consilience.errors import NumericalFailure
 from consilience.mechanism import RANK_TOLERANCE, Array
-from consilience.reference.bodies import constraints, forces
 from consilience.reference.bodies.arrays import workspace
-from consilience.reference.bodies.motion import rotations
-from consilience.reference.contact.derivative import ActiveModes, ContactSystem, accelerations, rates
+from consilience.reference.contact.derivative import (
+    ActiveModes,
+    ContactSystem,
+    apply_forces,
+    columns,
+    follow_turns,
+    forces_in_modes,
+    move,
+    rates,
+    restrain,
+)
 from consilience.reference.contact.joint_friction import (
     LOCKED,
     JointReaction,
@@ -35,11 +43,11 @@ from consilience.reference.contact.joint_friction import (
     reaction_across,
 )
 from consilience.reference.contact.layout import RowLayout
-from consilience.reference.contact.pairs import RowMotion, move_rows, row_motion
+from consilience.reference.contact.pairs import RowMotion, row_motion
 from consilience.reference.contact.problem import ContactProblem, FrictionSet
 from consilience.reference.contact.response import HELD, Response
 from consilience.reference.contact.row_modes import RowModes, open_modes
-from consilience.reference.kernel.mechanism_record import record_of
+from consilience.reference.kernel.mechanism_record import record_array, record_of
 
 _DETERMINED = 1e-9
 """Part of a reaction, over the reaction, that dependent constraints may leave open."""
@@ -87,25 +95,27 @@ class ContactEquations:
 
     def move(self, t: float, y: Array, turns: Array) -> RowMotion:
         """Evaluate the rows at a packed state."""
-        rotations(y, self._ws.A)
-        move_rows(self.model, self.layout.pairs, self.layout.limits, y, turns, self._ws.A, self.rows)
+        move(self._system, y, turns)
         return self.rows
 
     def joint_rows(self, t: float, y: Array, turns: Array) -> tuple[Array, Array, Array]:
         """Return Q, the violations and the rates nu of the joints' rows at a packed state."""
-        rotations(y, self._ws.A)
-        constraints.evaluate(self.model, t, y, turns, self._ws)
+        restrain(self._system, t, y, turns)
         return self._ws.Q, self._ws.value, self._ws.rate
+
+    def follow(self, y: Array, turns: Array) -> None:
+        """Replace the joint coordinates that are read, shape (n_q,), by their values at a packed state."""
+        follow_turns(self._system, y, turns)
 
     def respond(self, t: float, y: Array, turns: Array) -> Response:
         """Evaluate rows, free accelerations and the response to forces on the rows."""
         rows, ws = self.move(t, y, turns), self._ws
-        forces.evaluate(self.model, t, y, turns, ws)
+        apply_forces(self._system, t, y, turns)
         z, load = self.inverse @ ws.f, self.inverse @ rows.J.T
         pull = float(np.linalg.norm(z))
         K = load
         if len(ws.Q):
-            constraints.evaluate(self.model, t, y, turns, ws)
+            restrain(self._system, t, y, turns)
             U, singular, Vt = np.linalg.svd(self.inverse @ ws.Q.T, full_matrices=False)
             rank = min(int(self.rank[0]), int(np.sum(singular > RANK_TOLERANCE * singular[0])))
             self.U, self.pseudo = U[:, :rank], Vt[:rank].T / singular[:rank]
@@ -263,6 +273,7 @@ class ContactEquations:
             drag=np.zeros((sets, 2)),
             held=np.zeros((sets, 2, 2)),
             holds=np.zeros(sets, dtype=np.int64),
+            chosen=np.zeros(len(layout.names)),
             rank=self.rank,
             owner=layout.site[3 * np.arange(len(layout.parts))],
         )
@@ -280,9 +291,20 @@ class ContactEquations:
         for k, s in enumerate(springs, len(self.acting)):  # the force that a state gives, as one that slides
             active.row[k, 0], active.drag[k, 0] = 3 * layout.springs[s], 1.0
         self._modes, self._springs = active, springs
-        self._system = record_of(
+        self._system = record_array(
             ContactSystem(self.model, layout.pairs, layout.limits, self.rows, self._ws, record_of(active))
         )
+
+    def choose(self, force: Array) -> None:
+        """Let forces that the modes taken over leave undetermined be the nearest to others, shape (m,), N (N m)."""
+        self._modes.chosen[:] = force
+
+    def columns(self) -> tuple[Array, Array]:
+        """Return S and E of the modes taken over, at the last state, shape (m, r) and (r, m); see `problem`."""
+        count = len(self._modes.normal) + int(np.sum(self._modes.holds))
+        S, E = np.zeros((count, len(self.layout.names))), np.zeros((count, len(self.layout.names)))
+        columns(self._system, S, E, np.zeros(len(self.layout.names)))
+        return S.T, E
 
     def _pair_of(self, one: FrictionSet) -> int:
         """Return the pair of shapes of the friction of a contact."""
@@ -345,11 +367,11 @@ class ContactEquations:
 
     def _forces(self, t: float, y: Array, turns: Array) -> Array:
         a, p = np.zeros(len(self.inverse)), np.zeros(len(self.layout.names))
-        accelerations(self._system, t, y, turns, a, p)
+        forces_in_modes(self._system, t, y, turns, a, p)
         return p
 
     def row_forces(self, t: float, y: Array, turns: Array) -> Array:
-        """Return the forces on all rows at a packed state, in the modes taken over, of least norm, shape (m,)."""
+        """Return the forces on all rows at a packed state, in the modes taken over, shape (m,)."""
         self._give(t, y, turns)
         return self._forces(t, y, turns)
 

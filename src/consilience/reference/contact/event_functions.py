@@ -8,13 +8,14 @@ from consilience.mechanism import Array
 from consilience.reference.contact.equations import ContactEquations
 from consilience.reference.contact.events import ARMED, ROUNDING, Watch, friction_margin
 from consilience.reference.contact.lasting import LastingContact, sliding_rates, widest_margin
+from consilience.reference.contact.row_modes import RowModes
 from consilience.reference.contact.stepper import Stepper
 
 _LEAST_FORCE = 1e-3
 """Least scale of forces, over the weight of all bodies."""
 
-_CLEAR = 1e-2
-"""Margin of the forces of least norm, over the forces, from which it stands for the widest, whose sign it has."""
+CLEAR = 1e-2
+"""Margin of undetermined forces, over the forces, from which it stands for the widest, whose sign it has."""
 
 _RISING = 1e-11
 """Rate of a gap from which it counts, over the speeds of the mechanism."""
@@ -99,16 +100,25 @@ class EventFunctions:
         return (gap, rate) if gap > 0.0 else (gap + law.damping / law.stiffness * rate, np.nan)
 
     def _of_group(self, t: float, y: Array, stepper: Stepper, p: Array, scale: float) -> float:
-        """Return the margin of forces that are undetermined: the widest, where those of least norm leave doubt."""
-        layout, modes = self._layout, stepper.modes
-        margins = [float(p[n]) for n, closed in zip(layout.normals, modes.closed, strict=True) if closed]
-        for j, (one, mode) in enumerate(zip(layout.friction, modes.friction, strict=True)):
+        """Return the margin of forces that are undetermined: the widest, where those that were chosen leave doubt."""
+        least = self._least_margin(stepper.modes, p)
+        if least > CLEAR * scale:
+            return least
+        response, sliding = stepper.respond(t, y), sliding_rates(self._equations, stepper.modes, 0.0)
+        return widest_margin(self._equations, response, stepper.modes, sliding)[0]
+
+    def _least_margin(self, modes: RowModes, p: Array) -> float:
+        """Return the least margin of forces on all rows."""
+        margins = [float(p[n]) for n, closed in zip(self._layout.normals, modes.closed, strict=True) if closed]
+        for j, (one, mode) in enumerate(zip(self._layout.friction, modes.friction, strict=True)):
             if mode is not None and len(mode.held):
                 margins.append(friction_margin(one, mode, p, float(self._equations.offsets[j])))
-        if min(margins) > _CLEAR * scale:
-            return min(margins)
-        response = stepper.respond(t, y)
-        return widest_margin(self._equations, response, modes, sliding_rates(self._equations, modes, 0.0))[0]
+        return min(margins)
+
+    def in_doubt(self, stepper: Stepper, clear: float) -> bool:
+        """Return whether undetermined forces, as chosen, keep at most a margin, over the forces, now."""
+        scales = [watch.scale for watch in self.watches if watch.kind == "group"]
+        return bool(scales) and self._least_margin(stepper.modes, stepper.forces()) <= clear * scales[0]
 
     def _of_friction(self, kind: str, j: int, stepper: Stepper, p: Array) -> float:
         one, mode, heading = self._layout.friction[j], stepper.modes.friction[j], stepper.modes.heading[j]

@@ -17,8 +17,9 @@ turn      how far the heading is from the bisector of     slides along a facet
           two vertices of a pyramid
 ========  ==============================================  =============================
 
-Functions are evaluated at equidistant times of a step, and at their lowest points between them. A function counts once
-it has left zero by `ARMED` of its scale: the event that has just happened does not happen again.
+Functions are evaluated at equidistant times of a step, at least `PARTS` and one in `INTERVALS` of the motion, and at
+their lowest points between them. A function counts once it has left zero by `ARMED` of its scale: the event that has
+just happened does not happen again.
 """
 
 from __future__ import annotations
@@ -38,8 +39,8 @@ ARMED = 1e-9
 ROUNDING = 1e-5
 """Value below zero, over that of `ARMED`, from which a function that rises counts."""
 
-PARTS = 6
-"""Parts of a step at whose ends event functions are evaluated."""
+PARTS, INTERVALS = 6, 96
+"""Least number of parts of a step, and of a motion, at whose ends event functions are evaluated."""
 
 
 @dataclass(frozen=True)
@@ -96,8 +97,8 @@ def friction_margin(one: FrictionSet, mode: FrictionMode, force: Array, offset: 
     return float(np.min(one.static * bound - (middles / np.sum(middles**2, axis=1)[:, None]) @ T))
 
 
-Values = Callable[[float], tuple[Array, Array]]
-"""Values of all watches at a time within the last step, and their rates where known (else NaN), each (n_w,)."""
+Values = Callable[[Array], tuple[Array, Array]]
+"""Values of all watches at times within the last step, and their rates where known (else NaN), each (n_t, n_w)."""
 
 
 def first_zero(values: Values, nodes: Array, armed: Array, watches: list[Watch]) -> tuple[float, int] | None:
@@ -114,7 +115,7 @@ def first_zero(values: Values, nodes: Array, armed: Array, watches: list[Watch])
     """
     if not watches:
         return None
-    table, rates = (np.array(part) for part in zip(*(values(float(t)) for t in nodes), strict=True))
+    table, rates = values(nodes)
     best: tuple[float, int] | None = None
     for w, watch in enumerate(watches):
         column = _Column(values, w, nodes, table[:, w], rates[:, w])
@@ -131,10 +132,10 @@ class _Column:
         self._values, self._index, self.nodes, self.value, self.rate = values, index, nodes, value, rate
 
     def _at(self, t: float) -> float:
-        return float(self._values(t)[0][self._index])
+        return float(self._values(np.array([t]))[0][0, self._index])
 
     def _rate_at(self, t: float) -> float:
-        return float(self._values(t)[1][self._index])
+        return float(self._values(np.array([t]))[1][0, self._index])
 
     def first_zero(self, armed: bool, ready: float) -> tuple[float | None, bool]:
         """Return the first zero, or None, and whether the function counts at the last node."""

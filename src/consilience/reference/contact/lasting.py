@@ -11,13 +11,20 @@ import numpy as np
 
 from consilience.errors import NumericalFailure
 from consilience.mechanism import Array
-from consilience.reference.contact.cones import sticking_margin
+from consilience.reference.contact.cones import admissible_force, sticking_margin
 from consilience.reference.contact.decision import ModeDecision, decide
 from consilience.reference.contact.equations import ContactEquations
 from consilience.reference.contact.joint_friction import decide_with_reactions
+from consilience.reference.contact.mode_system import solve_with_modes
 from consilience.reference.contact.problem import ContactProblem, FrictionMode, Modes
 from consilience.reference.contact.response import Response
 from consilience.reference.contact.row_modes import RowModes, open_modes
+
+_BINDING = 1e-7
+"""Margins of undetermined forces that count as equal, over the forces."""
+
+ROOM = 0.05
+"""Margin that a choice of undetermined forces keeps to all bounds, over the forces."""
 
 HOPS = "what slides under an associated cone parts at once: pressed on from rest, it slides in hops without end"
 
@@ -199,6 +206,28 @@ def widest_margin(
     force = np.zeros(len(response.free))
     force[rows] = margin.force
     return margin.value, of_normal, of_friction, force + response.given
+
+
+def binding_bounds(
+    equations: ContactEquations, response: Response, modes: RowModes, scale: float
+) -> tuple[list[int], list[int], Array]:
+    """Return normals and friction sets, of loaded normals, whose bounds undetermined forces reach, and the forces."""
+    layout = equations.layout
+    value, of_normal, of_friction, force = widest_margin(
+        equations, response, modes, sliding_rates(equations, modes, 0.0)
+    )
+    normals, sets = (np.flatnonzero(part <= value + _BINDING * scale).tolist() for part in (of_normal, of_friction))
+    unloaded = [layout.normals[n] for n in normals]
+    return normals, [j for j in sets if layout.friction[j].load not in unloaded], force
+
+
+def chosen_force(equations: ContactEquations, response: Response, modes: RowModes) -> Array:
+    """Return forces of all rows that no law forbids, shape (m,): where the modes leave them open, with `ROOM`."""
+    problem, given, rows, *_ = problem_in_modes(equations, response, modes, sliding_rates(equations, modes, 0.0))
+    solved = solve_with_modes(problem, given)
+    force = np.zeros(len(response.free))
+    force[rows] = admissible_force(problem, solved, sticking_margin(problem, given, solved), ROOM)
+    return force
 
 
 def sliding_rates(equations: ContactEquations, modes: RowModes | None, least: float) -> Array:

@@ -119,18 +119,25 @@ def solve_with_modes(problem: ContactProblem, modes: Modes) -> ModeSolution:
     )
 
 
-def sliding_indicator(problem: ContactProblem, modes: Modes) -> float:
-    """Return the determinant of the system with sliding friction, relative to that without.
+def sliding_indicator(delassus: Array, scale: Array, S: Array, E: Array) -> float:
+    """Return the determinant of the system of given modes with sliding friction, relative to that without.
 
     One where nothing slides or friction does not load the normals; it falls to zero where sliding friction jams, and is
     negative beyond (for one contact, ``A/G_nn`` of ``g'' = A N + B``). Directions that joints or other contacts hold
     are left out.
+
+    Parameters
+    ----------
+    delassus : ndarray, shape (m, m)
+    scale : ndarray, shape (m,)
+        Of each row, as `ContactProblem.row_scale`.
+    S, E : ndarray, shape (m, r) and (r, m)
+        As of `columns_and_rows`.
     """
-    _, S, E = columns_and_rows(problem, modes)
     if not len(E):
         return 1.0
-    weight = np.abs(E) @ problem.row_scale()
-    values, U = np.linalg.eigh((E @ problem.delassus @ E.T) / np.outer(weight, weight))
+    weight = np.abs(E) @ scale
+    values, U = np.linalg.eigh((E @ delassus @ E.T) / np.outer(weight, weight))
     kept = values > RANK
-    system = (E @ problem.delassus @ S) / np.outer(weight, weight)
+    system = (E @ delassus @ S) / np.outer(weight, weight)
     return float(np.linalg.det((U[:, kept].T @ system @ U[:, kept]) / values[kept]))

@@ -20,6 +20,7 @@ per closed normal and per held direction; columns of normals contain the frictio
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -211,11 +212,19 @@ class ContactProblem:
 
     def row_scale(self) -> Array:
         """Scale of each row, never zero, shape (m,), kg^-1/2 (kg^-1/2/m)."""
+        return self._row_scale
+
+    @cached_property
+    def _row_scale(self) -> Array:
         scale = np.sqrt(np.maximum(np.diag(self.delassus), 0.0)) if self.scale is None else self.scale
         return np.where(scale > 0.0, scale, np.max(scale, initial=0.0) or 1.0)
 
     def natural_modes(self) -> Modes:
         """All normals closed; what slides slides, the rest sticks."""
+        return self._natural_modes
+
+    @cached_property
+    def _natural_modes(self) -> Modes:
         slips = [self.slip(j) for j in range(len(self.friction))]
         modes = [f.sliding(u) if np.any(u) else f.sticking() for f, u in zip(self.friction, slips, strict=True)]
         return Modes(np.ones(len(self.normals), dtype=bool), tuple(modes))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -72,6 +73,11 @@ class ModeSearch:
         self.started: frozenset[int] = frozenset()
         self.family: ModeSolution | None = None  # a solution of modes that leave accelerations open
 
+    @cached_property
+    def pyramids(self) -> candidates.PyramidProblem:
+        """The problem with inscribed pyramids for cones."""
+        return candidates.PyramidProblem(self.problem)
+
     def prefer(self, previous: Modes | None, opened: list[int], started: Mapping[int, Array]) -> Modes | None:
         """Return the modes to try first."""
         if previous is None and not opened and not started:
@@ -106,7 +112,7 @@ class ModeSearch:
         count, tried = len(self.problem.normals) + len(self.undecided), [found.modes]
         coverings = np.random.default_rng(0).uniform(0.05, 1.0, size=(_SIDES, count))
         opened = Modes(np.zeros(len(self.problem.normals), dtype=bool), self.natural.friction)
-        guesses = (candidates.guess(self.problem, covering=covering) for covering in coverings)
+        guesses = map(self.pyramids.guess, coverings)
         for modes in (self.natural, opened, *guesses):
             if modes is not None and not any(alike(modes, one) for one in tried):
                 tried.append(modes)
@@ -144,7 +150,7 @@ class ModeSearch:
         if preferred is not None:
             yield preferred
         for outer in (False, True):
-            modes = candidates.guess(self.problem, outer)
+            modes = (candidates.PyramidProblem(self.problem, outer) if outer else self.pyramids).guess()
             if modes is not None:
                 yield modes
         yield self.natural

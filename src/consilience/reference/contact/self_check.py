@@ -27,7 +27,7 @@ import numpy as np
 from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Array
 from consilience.reference.contact.equations import ContactEquations
-from consilience.reference.contact.lasting import problem_in_modes, sliding_rates, widest_margin
+from consilience.reference.contact.lasting import sliding_rates, widest_margin
 from consilience.reference.contact.mode_system import sliding_indicator
 from consilience.reference.contact.problem import FrictionSet
 from consilience.reference.contact.response import HELD, Response
@@ -177,8 +177,9 @@ def refuse_jam(equations: ContactEquations, response: Response, modes: RowModes,
     ]
     if not loaded:
         return
-    problem, given, *_ = problem_in_modes(equations, response, modes, sliding_rates(equations, modes, 0.0))
-    value = sliding_indicator(problem, given)
+    scale = np.linalg.norm(response.load, axis=0)
+    scale[scale == 0.0] = 1.0
+    value = sliding_indicator(response.K @ response.K.T, scale, *equations.columns())
     if value <= _JAMS:
         raise NumericalFailure(
             f"{', '.join(dict.fromkeys(loaded))}, t = {time:.12g} s: sliding friction jams (Painleve): the determinant "

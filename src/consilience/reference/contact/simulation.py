@@ -25,17 +25,18 @@ from consilience.mechanism import Array, Contact, Mechanism, State, characterist
 from consilience.reference.bodies.canonical import sample_times
 from consilience.reference.contact.bounces import Bounces
 from consilience.reference.contact.equations import ContactEquations
-from consilience.reference.contact.event_functions import EventFunctions
-from consilience.reference.contact.events import PARTS, Watch, first_zero, start_of_slip
+from consilience.reference.contact.event_functions import CLEAR, EventFunctions
+from consilience.reference.contact.events import INTERVALS, PARTS, Watch, first_zero, start_of_slip
 from consilience.reference.contact.hops import rows_at_rest, what_lifts
 from consilience.reference.contact.impact import Impact, apply_impact
 from consilience.reference.contact.lasting import (
     LastingContact,
+    binding_bounds,
+    chosen_force,
     decide_lasting,
     require_unique,
     sliding_rates,
     telling_time,
-    widest_margin,
 )
 from consilience.reference.contact.layout import layout_of
 from consilience.reference.contact.response import Response
@@ -53,8 +54,7 @@ GRAZING = 1e-13
 """Largest overlap without impact, over the length of the mechanism."""
 
 _SINKS = 1e-8  # acceleration into a plane that counts as zero, over that of falling
-_BINDING = 1e-7  # margins of undetermined forces that count as equal, over the forces
-_STEPS = 16  # least number of steps of a motion
+_STEPS = 4  # least number of steps of a motion
 _CHAIN = 1000  # impacts at one instant
 _AT_ONCE = 100  # events at one instant
 _CRAWL = 1e-8
@@ -115,8 +115,10 @@ class _ContactSimulation:
         self.times, self.law = sample_times(times), impacts
         self.layout = layout_of(mechanism)
         self.equations = ContactEquations(self.layout)
-        start, longest = float(self.times[0]), float(np.ptp(self.times)) / _STEPS or np.inf
-        self.stepper = Stepper(self.equations, state, start, tolerance, open_modes(self.layout), longest)
+        start, self.span = float(self.times[0]), float(np.ptp(self.times))
+        self.stepper = Stepper(
+            self.equations, state, start, tolerance, open_modes(self.layout), self.span / _STEPS or np.inf
+        )
         self.samples, self.recorded = Samples(self.layout), 0
         self.impacts: list[Impact] = []
         radii = [part.radius for part in self.layout.parts if hasattr(part, "radius")]
@@ -158,22 +160,29 @@ class _ContactSimulation:
         """Take one step, to its first event if there is one."""
         stepper = self.stepper
         self.slips.turn(stepper, self.speed)
+        if self.functions.in_doubt(stepper, CLEAR):
+            stepper.choose(chosen_force(self.equations, stepper.respond(stepper.t, stepper.y), stepper.modes))
+        within = not self.functions.in_doubt(stepper, 0.0)
         stepper.advance(bound)
         if self.slips.leave_line(stepper, self.speed):
             stepper.go_back_to(stepper.t, self._halted)
         self.speed = self._speeds()
         if any(heading is not None for heading in stepper.modes.heading):
             refuse_jam(self.equations, stepper.respond(stepper.t, stepper.y), stepper.modes, stepper.t)
-        nodes = np.linspace(stepper.started, stepper.t, PARTS + 1)
+        parts = max(PARTS, int(np.ceil(INTERVALS * (stepper.t - stepper.started) / self.span)))
+        nodes = np.linspace(stepper.started, stepper.t, parts + 1)
         armed = self.functions.armed.copy()
         found = first_zero(self._values, nodes, self.functions.armed, self.functions.watches)
         if found is None:
+            while within and self.functions.in_doubt(stepper, -(CLEAR**4)):
+                stepper.go_back_to(0.5 * (stepper.started + stepper.t), self._halted)
+                self.functions.armed = armed
             self._settle_halted()
             return
         t, w = found
         watch = self.functions.watches[w]
         if watch.kind == "slip" and not self._stops(t, watch):
-            stepper.go_back_to(stepper.started + 0.5 * (t - stepper.started), self._halted)
+            stepper.go_back_to(0.5 * (stepper.started + t), self._halted)
             self.functions.armed = armed
             self._settle_halted()
             self._refuse_standstill()
@@ -205,7 +214,7 @@ class _ContactSimulation:
 
     def _stops(self, t: float, watch: Watch) -> bool:
         """Return whether the slip of a friction set vanishes at t, rather than turns away from its heading."""
-        self.equations.move(t, self.stepper.between(t), self.stepper.turns)
+        self.equations.move(t, self.stepper.between(np.array([t]))[0], self.stepper.turns)
         slip = self.equations.rows.u[list(self.layout.friction[watch.index].rows)]
         return len(slip) == 1 or bool(np.linalg.norm(slip) <= STOPPED * watch.scale)
 
@@ -214,10 +223,10 @@ class _ContactSimulation:
         start, end = self.stepper.started, self.stepper.t
         delta = 1e-4 * (end - start)
         ahead, behind = min(t + delta, end), max(t - delta, start)
-        rates = self._values(t)[1]
-        rate = float(rates[w])
+        values, rates = self._values(np.array([behind, t, ahead]))
+        rate = float(rates[1, w])
         if not np.isfinite(rate):
-            rate = float((self._values(ahead)[0][w] - self._values(behind)[0][w]) / (ahead - behind))
+            rate = float((values[2, w] - values[0, w]) / (ahead - behind))
         for _ in range(4):
             if not self.stepper.go_back_to(t, self._halted):
                 return False
@@ -232,9 +241,11 @@ class _ContactSimulation:
 
     # ------------------------------------------------------------------------------------------------------ events
 
-    def _values(self, t: float) -> tuple[Array, Array]:
-        """Return the event functions at a time within the last step."""
-        return self.functions.at(t, self.stepper.between(t), self.stepper)
+    def _values(self, times: Array) -> tuple[Array, Array]:
+        """Return the event functions and their rates at times within the last step, each (n_t, n_w)."""
+        states = zip(times, self.stepper.between(times), strict=True)
+        values, rates = zip(*(self.functions.at(float(t), y, self.stepper) for t, y in states), strict=True)
+        return np.array(values), np.array(rates)
 
     def _happens(self, watch: Watch) -> None:
         """Draw the consequence of an event, and settle."""
@@ -255,13 +266,7 @@ class _ContactSimulation:
             normals = [watch.index] if watch.kind == "normal" else []
             sets = [watch.index] if watch.kind == "margin" else []
             if watch.kind == "group":
-                sliding = sliding_rates(self.equations, modes, 0.0)
-                value, of_normal, of_friction, force = widest_margin(self.equations, response, modes, sliding)
-                binding = value + _BINDING * watch.scale
-                normals, sets = (np.flatnonzero(part <= binding).tolist() for part in (of_normal, of_friction))
-                sets = [
-                    j for j in sets if self.layout.friction[j].load not in [self.layout.normals[n] for n in normals]
-                ]
+                normals, sets, force = binding_bounds(self.equations, response, modes, watch.scale)
             opened.update(normals)
             started = {j: start_of_slip(self.layout.friction[j], modes.friction[j], force) for j in sets}
         self._settle(frozenset(opened), started, frozenset(stopped), frozenset(closing))

@@ -16,8 +16,7 @@ import scipy
 
 from consilience.errors import NumericalFailure
 from consilience.mechanism import RANK_TOLERANCE, Array, State
-from consilience.reference.bodies.arrays import pack, unpack, workspace
-from consilience.reference.bodies.forces import count_turns
+from consilience.reference.bodies.arrays import all_rows, holonomic_rows, pack, unpack
 from consilience.reference.bodies.projection import normalise
 from consilience.reference.contact.equations import ContactEquations
 from consilience.reference.contact.response import Response
@@ -50,7 +49,6 @@ class Stepper:
         self.equations, self.modes = equations, modes
         self._layout, self._model = equations.layout, equations.model
         self._tolerance, self._longest = tolerance, longest
-        self._ws = workspace(self._model)
         self._turns = np.zeros(len(self._model.coordinate))
         self.counters = {"steps": 0, "evaluations": 0}
         y = pack(self._layout.smooth, state)
@@ -65,7 +63,7 @@ class Stepper:
         self._bodies, self.t, self.started = bodies, t, t
         self._h: float | None = None
         self._pieces: list[tuple[float, Any]] = []
-        count_turns(self._model, self.y, self._ws, self._turns)
+        equations.follow(self.y, self._turns)
         self._restart()
 
     def _restart(self) -> None:
@@ -98,22 +96,25 @@ class Stepper:
         """Return the state at the time t."""
         return State(*unpack(self._layout.smooth, self.y))
 
-    def between(self, t: float) -> Array:
-        """Return a packed state within the last step by the interpolant."""
-        y = self._interpolated(t)[: self._count].reshape(self._shape)
-        normalise(y, self._bodies)
-        return y
+    def between(self, times: Array) -> Array:
+        """Return packed states at times within the last step, shape (n, ...), by the interpolant."""
+        states = self._interpolated(times)[:, : self._count].reshape(-1, *self._shape)
+        for y in states:
+            normalise(y, self._bodies)
+        return states
 
-    def _interpolated(self, t: float) -> Array:
-        """Return the state within the last step, with impulses and loss."""
-        dense = [one for start, one in self._pieces if start <= t]
-        return np.array((dense or [self._pieces[0][1]])[-1](t))
+    def _interpolated(self, times: Array) -> Array:
+        """Return states at times within the last step, with impulses and loss, shape (n, ...)."""
+        found = self._pieces[0][1](times).T.copy()
+        for start, dense in self._pieces[1:]:
+            found[times >= start] = dense(times[times >= start]).T
+        return np.asarray(found)
 
     def sample(self, t: float) -> tuple[Array, Array, float, Array]:
         """Return state, impulses, loss and turns within the last step, projected as at its end."""
         if t == self.t:
             return self.y.copy(), self.impulse.copy(), self.loss, self.turns
-        Y, turns = self._interpolated(t), self._turns.copy()
+        Y, turns = self._interpolated(np.array([t]))[0], self._turns.copy()
         y = Y[: self._count].reshape(self._shape)
         self._project(t, y, turns)
         return y, Y[self._count : -1].reshape(-1, 3), float(Y[-1]), turns
@@ -122,6 +123,12 @@ class Stepper:
         """Continue with other headings of what slides."""
         self.modes = replace(self.modes, heading=heading)
         self.equations.turn(heading)
+
+    def choose(self, force: Array) -> None:
+        """Continue with forces near others, shape (m,), where the modes leave them undetermined."""
+        self.equations.choose(force)
+        if self._solver is not None:
+            self._solver.f = self._derivative(self.t, self._Y)
 
     def forces(self) -> Array:
         """Return the forces on all rows at the time t, shape (m,)."""
@@ -138,7 +145,9 @@ class Stepper:
     def halt(self, rows: Sequence[int]) -> None:
         """Continue with these rows at rest."""
         self._Y = self._Y.copy()
-        self._project_velocity(self.t, self.y, self._turns, rows)
+        Q, _, rate = self.equations.joint_rows(self.t, self.y, self._turns)
+        self.equations.move(self.t, self.y, self._turns)
+        self._project_velocity(self.y, (Q, rate), rows)
         self._restart()
 
     def change_modes(self, modes: RowModes, halted: Sequence[int] = ()) -> None:
@@ -228,22 +237,24 @@ class Stepper:
 
     def _project(self, t: float, y: Array, turns: Array, halted: Sequence[int] = ()) -> None:
         """Project a state onto the joints, closed gaps, sticking and halted rows, in the mass metric; count turns."""
-        inverse, n = self.equations.inverse, self._bodies
+        inverse, n, holonomic = self.equations.inverse, self._bodies, holonomic_rows(self._model)
         normalise(y, n)
         closed = np.flatnonzero(self.modes.closed)
         normals = np.array(self._layout.normals, dtype=np.int64)[closed]
-        if len(self._ws.Q) or len(closed) or any(mode is not None for mode in self.modes.friction):
+        if all_rows(self._model) or len(closed) or any(mode is not None for mode in self.modes.friction):
             for _ in range(4):
-                Q, value, _ = self.equations.joint_rows(t, y, turns)
-                holonomic = len(value) - 2 * len(self._model.rolling) - len(self._model.skate)
+                Q, value, rate = self.equations.joint_rows(t, y, turns)
                 rows = self.equations.move(t, y, turns)
                 left = np.concatenate([value[:holonomic], rows.gap[self._layout.gaps[closed]]])
                 if not len(left) or np.max(np.abs(left)) <= 2e-16 * max(1.0, self._model.length):
                     break
                 step = least_change(inverse, np.vstack([Q[:holonomic], rows.J[normals]]), -left)[0]
                 move_bodies(y, step.reshape(-1, 6))
-            self._project_velocity(t, y, turns, halted)
-        count_turns(self._model, y, self._ws, turns)
+            else:
+                Q, _, rate = self.equations.joint_rows(t, y, turns)
+                self.equations.move(t, y, turns)
+            self._project_velocity(y, (Q, rate), halted)
+        self.equations.follow(y, turns)
 
     def _held_rows(self) -> Array:
         """Return the rows of closed normals and of held friction at the last evaluated state."""
@@ -254,9 +265,9 @@ class Stepper:
                 held.append(mode.held @ J[list(one.rows)])
         return np.vstack(held)
 
-    def _project_velocity(self, t: float, y: Array, turns: Array, halted: Sequence[int]) -> None:
-        Q, _, rate = self.equations.joint_rows(t, y, turns)
-        self.equations.move(t, y, turns)
+    def _project_velocity(self, y: Array, joints: tuple[Array, Array], halted: Sequence[int]) -> None:
+        """Project velocities onto rows of joints with their rates, and rows of contacts, evaluated at the positions."""
+        Q, rate = joints
         if len(Q):
             self.equations.rank[0] = least_change(self.equations.inverse, Q, np.zeros(len(Q)))[1]
         held = np.vstack([self._held_rows(), self.equations.rows.J[list(halted)]])

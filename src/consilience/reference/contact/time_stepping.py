@@ -24,14 +24,14 @@ import numpy as np
 
 from consilience.errors import NumericalFailure
 from consilience.mechanism import Array, Mechanism, State
-from consilience.reference.bodies.arrays import pack, unpack, workspace
-from consilience.reference.bodies.forces import count_turns
+from consilience.reference.bodies.arrays import all_rows, holonomic_rows, pack, unpack
 from consilience.reference.contact.decision import decide
 from consilience.reference.contact.equations import ContactEquations
 from consilience.reference.contact.joint_friction import with_offsets
 from consilience.reference.contact.layout import layout_of
 from consilience.reference.contact.projections import PATIENT_SWEEPS, SWEEPS, friction_table, project_impulses
 from consilience.reference.contact.response import HELD, Response
+from consilience.reference.contact.search import JammedFriction
 from consilience.reference.contact.stepper import least_change, move_bodies
 
 _PROJECTIONS = 2
@@ -96,8 +96,8 @@ class _Scheme:
         layout, self._model = self.equations.layout, self.equations.model
         self.y, self.bodies = pack(layout.smooth, state), len(mechanism.bodies)
         self.impulse, self._p = np.zeros(len(layout.names)), np.zeros(len(layout.names))
-        self._ws, self._turns = workspace(self._model), np.zeros(len(self._model.coordinate))
-        count_turns(self._model, self.y, self._ws, self._turns)
+        self._turns = np.zeros(len(self._model.coordinate))
+        self.equations.follow(self.y, self._turns)
         self._normals, self._law = (
             np.array(layout.normals, dtype=np.int64),
             friction_table(layout.friction, layout.normals),
@@ -129,7 +129,7 @@ class _Scheme:
         act[self._normals[closed]] = True
         try:
             p = self._impulses(response, free + rebound, h * equations.offsets, act, closed)
-        except NumericalFailure:  # friction jams under the rebound; there are impulses without it
+        except JammedFriction:  # under the rebound; there are impulses without it
             if not np.any(rebound):
                 raise
             p = self._impulses(response, free, h * equations.offsets, act, closed)
@@ -140,7 +140,7 @@ class _Scheme:
         y[: self.bodies, 7:13] = (after + equations.inverse.T @ (response.K.T @ p)).reshape(-1, 6)
         move_bodies(y, 0.5 * h * (velocity + y[: self.bodies, 7:13]))
         self._project(t + h, y)
-        count_turns(self._model, y, self._ws, self._turns)
+        equations.follow(y, self._turns)
 
     def _impulses(self, response: Response, free: Array, offsets: Array, act: Array, closed: Array) -> Array:
         """Return the impulses of a step."""
@@ -168,9 +168,9 @@ class _Scheme:
     def _project(self, t: float, y: Array) -> None:
         """Project positions onto the joints: off them, joints let contacts of their bodies move that they hold."""
         equations = self.equations
-        for _ in range(_PROJECTIONS if len(self._ws.Q) else 0):
+        holonomic = holonomic_rows(self._model)
+        for _ in range(_PROJECTIONS if all_rows(self._model) else 0):
             Q, value, _ = equations.joint_rows(t, y, self._turns)
-            holonomic = len(value) - 2 * len(self._model.rolling) - len(self._model.skate)
             change, _ = least_change(equations.inverse, Q[:holonomic], -value[:holonomic])
             move_bodies(y, change.reshape(-1, 6))
             equations.rank[0] = least_change(equations.inverse, Q, np.zeros(len(Q)))[1]
