@@ -15,7 +15,7 @@ from consilience.reference.contact.layout import RowLayout
 
 _TIMES = 3
 _RATIO = 0.05
-_HEIGHT = 1e-12
+_HEIGHT = 1e-10
 
 
 class Bounces:

@@ -1,0 +1,73 @@
+"""Motions with contact at the edges of closed forms: a slide that never ends, a slip that grazes, many bounces."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.optimize import brentq
+
+from consilience.case import load_case
+from consilience.reference.contact import simulate_with_contacts
+from contact_problems import BALL, FEET, LEVEL, G, Lab, incline
+
+LAB = Lab()
+STATE, TIME = 1e-10, 1e-11
+
+
+@pytest.mark.parametrize(("share", "end"), [(1.0, 1.0), (1.3, 0.5)])
+def test_a_block_thrown_across_an_incline_follows_its_hodograph(share, end):
+    """With mu = tan slope it never stops. Speed over heading: C tan(th/2)^kappa / sin th, kappa = mu / tan slope.
+
+    From ``v' = g sin a (cos th - kappa)`` and ``v th' = -g sin a sin th``.
+    """
+    slope, v0, th0 = np.radians(20.0), 2.0, np.radians(110.0)
+    mechanism = LAB.free_body(2.0, (0.05, 0.06, 0.07), incline(20.0), LAB.points(FEET, friction=share * np.tan(slope)))
+    start = LAB.state((0.0, 0.0, 0.1), (v0 * np.cos(th0), v0 * np.sin(th0), 0.0))
+    scale = v0 * np.sin(th0) / np.tan(th0 / 2) ** share
+
+    def speed(th):
+        return scale * np.tan(th / 2) ** share / np.sin(th)
+
+    def over(th, what):
+        return quad(lambda x: what(x) * speed(x) / (G * np.sin(slope) * np.sin(x)), th, th0, epsabs=1e-13, limit=200)[0]
+
+    th = brentq(lambda x: over(x, lambda _: 1.0) - end, 1e-3, th0 - 1e-9, xtol=1e-14)
+    along = [over(th, lambda x: speed(x) * np.cos(x)), over(th, lambda x: speed(x) * np.sin(x))]
+    answer, events = simulate_with_contacts(mechanism, start, np.array([0.0, end]), 1e-13)
+    p, v, w = LAB.centre(answer)
+    assert not events
+    assert p == pytest.approx([*along, 0.1], abs=STATE)
+    assert v == pytest.approx([speed(th) * np.cos(th), speed(th) * np.sin(th), 0.0], abs=STATE)
+    assert w == pytest.approx(np.zeros(3), abs=STATE)
+
+
+def test_a_slider_that_slips_on_a_belt_swings_until_it_grazes_the_speed_of_the_belt():
+    """``x = c + (v/w) sin w (t - t1)`` after the slip at ``x = c = mu m g / k``: each turn as fast as the belt."""
+    k, mu, belt = 40.0, 0.3, 0.5
+    case = load_case("belt_catch")  # released where the spring is longer by 0.25 m
+    feet = tuple(replace(foot, friction=mu) for foot in case.mechanism.contacts)
+    given, block = case.initial_state, case.mechanism.body_index["block"]
+    place, speeds = given.p_WB.copy(), given.v_WB_W.copy()
+    place[block, 0] -= 0.25
+    speeds[block, 0] = belt
+    start = replace(given, p_WB=place, v_WB_W=speeds)
+    c, rate = mu * G / k, np.sqrt(k)
+    slips, end = c / belt, c / belt + 0.9 * 2.0 * np.pi / rate
+    answer, events = simulate_with_contacts(replace(case.mechanism, contacts=feet), start, np.array([0.0, end]), 1e-13)
+    assert [event.kind for event in events] == ["slips"] * 3
+    assert [event.time for event in events] == pytest.approx([slips] * 3, abs=TIME)
+    gone = answer.p_WB[-1, block] - place[block]
+    assert gone == pytest.approx([c + belt / rate * np.sin(rate * (end - slips)), 0.0, 0.0], abs=STATE)
+
+
+def test_a_lively_ball_comes_to_rest_after_the_sum_of_its_bounces():
+    """``t1 (1 + e)/(1 - e)``, after more than a hundred impacts: the last are short beside rounding of the gap."""
+    e, first = 0.9, np.sqrt(2.0 / G)
+    mechanism = LAB.free_body(2.0, BALL, LEVEL, [LAB.sphere(0.1, restitution=e)])
+    start = LAB.state((0.0, 0.0, 1.1), (0.0, 0.0, 0.0))
+    answer, events = simulate_with_contacts(mechanism, start, np.array([0.0, 9.0]), 1e-13)
+    assert [event.time for event in events if event.kind == "bounces end"] == pytest.approx(
+        [first * (1.0 + e) / (1.0 - e)], abs=1e-9
+    )
+    assert LAB.centre(answer)[0] == pytest.approx([0.0, 0.0, 0.1], abs=1e-9)
