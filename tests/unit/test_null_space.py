@@ -12,12 +12,13 @@ from consilience.reference.bodies.arrays import unpack
 from consilience.reference.bodies.canonical import at_origins
 from consilience.reference.bodies.records import LARGEST
 from consilience.reference.kernel.mechanism_record import record_of
+from consilience.reference.kernel.operation import BoundOperation
+from consilience.reference.steppers.motion import DERIVATIVE, END_STEP
 from consilience.reference.tree.arrays import flatten_relative, tree_system
 from consilience.reference.tree.few_freedoms import REGULAR_PIVOT
-from consilience.reference.tree.formulation import close, differentiate
 from consilience.reference.tree.kinematics import fill_euler_parameters, place_bodies, place_links_and_bodies
-from consilience.reference.tree.projection import AT_SAMPLE
 from consilience.reference.tree.state import pack_relative
+from consilience.reference.tree.system import serve, system_record
 from mechanisms import driven, four_bar, powered, spatial_loop, states_of
 
 EPS = np.finfo(float).eps
@@ -57,17 +58,18 @@ class InSpace:
         self.links, self.tree, self.model = flatten_relative(mechanism)
         arrays = tree_system(mechanism, self.links, self.tree, self.model)
         self.placed, self.closure, self.spatial, self.elements, _ = map(record_of, arrays)
+        self.serve = BoundOperation(serve, system_record(arrays, tree_alone=False))
 
-    def close(self, z, at_sample=AT_SAMPLE):
+    def close(self, z, at_sample=True):
         """Project z in place; return whether elimination was used."""
         self.closure.qr.F[:] = np.nan
-        close(self.closure, self.spatial, self.elements, None, 0.0, z, at_sample)
+        self.serve(END_STEP, 0.0, z, np.empty(self.spatial.y.size if at_sample else 0))
         return bool(np.all(np.isnan(self.closure.qr.F)))
 
     def accelerations(self, z):
         """Return accelerations of origins, angular accelerations, and whether elimination was used."""
         self.closure.qr.F[:] = np.nan
-        differentiate(self.closure, self.spatial, self.elements, None, 0.0, z, np.empty_like(z))
+        self.serve(DERIVATIVE, 0.0, z, np.empty_like(z))
         eliminated = bool(np.all(np.isnan(self.closure.qr.F)))
         A, y, link = self.spatial.A, self.spatial.y, self.closure.link
         place_bodies(self.links.layout, link, y, A)
@@ -151,7 +153,7 @@ def test_between_samples_only_a_velocity_residual_of_the_size_of_the_correction_
     for size in (1e-12, 1e-10):
         z[:] = closed + size * rng.normal(size=len(z))
         equations.closure.best[0].elimination_pivot = 1.01 * pivot
-        assert equations.close(z, ~AT_SAMPLE)
+        assert equations.close(z, at_sample=False)
         position, rate = equations.violation(z)
         assert position < 1e-13
         assert rate < 1e-12 + 100.0 * size * np.max(np.abs(z))

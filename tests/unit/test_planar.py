@@ -20,13 +20,15 @@ from consilience.reference import simulate
 from consilience.reference.bodies.arrays import unpack
 from consilience.reference.bodies.canonical import at_origins
 from consilience.reference.kernel.mechanism_record import record_of
+from consilience.reference.kernel.operation import BoundOperation
+from consilience.reference.steppers.motion import DERIVATIVE, END_STEP
 from consilience.reference.tree.arrays import flatten_relative
-from consilience.reference.tree.formulation import close, differentiate
 from consilience.reference.tree.kinematics import fill_euler_parameters
 from consilience.reference.tree.planar import place_planar_bodies
 from consilience.reference.tree.planar_detection import planar_system
-from consilience.reference.tree.projection import AT_SAMPLE, find_rank
+from consilience.reference.tree.projection import find_rank
 from consilience.reference.tree.state import pack_relative
+from consilience.reference.tree.system import serve, system_record
 from flat import PLANAR, flat_chain
 from mechanisms import states_of
 
@@ -46,6 +48,7 @@ class InPlane:
         self.links, self.tree, self.model = flatten_relative(mechanism)
         system = planar_system(mechanism, self.links, self.tree, self.model)
         self.placed, self.closure, self.planar = system.tree, record_of(system.closure), record_of(system.planar)
+        self.serve = BoundOperation(serve, system_record(system, tree_alone=False))
 
     def packed(self, state):
         return pack_relative(self.links, self.tree, self.model, state)
@@ -53,7 +56,7 @@ class InPlane:
     def accelerations(self, state, t=0.0):
         closure, placed, z = self.closure, self.placed, self.packed(state)
         find_rank(closure, None, None, self.planar, t, z)
-        differentiate(closure, None, None, self.planar, t, z, np.empty_like(z))
+        self.serve(DERIVATIVE, t, z, np.empty_like(z))
         place_planar_bodies(self.planar.body, closure.link, placed.y, placed.A)
         fill_euler_parameters(placed.A, placed.y)
         a = np.empty((len(self.mechanism.bodies), 6))
@@ -104,7 +107,7 @@ def test_projection_closes_open_loops(name, size):
     find_rank_of(equations, z)
     for _ in range(2):
         z[:count] += size * rng.normal(size=count)
-        close(equations.closure, None, None, equations.planar, 0.0, z, AT_SAMPLE)
+        equations.serve(END_STEP, 0.0, z, np.empty(equations.placed.y.size))
         found = State(*equations.state())
         rates = constraint_jacobian(mechanism, found) @ np.hstack([found.v_WB_W, found.w_WB_W]).ravel()
         assert np.max(np.abs(constraint_residual(mechanism, found))) < 1e-13

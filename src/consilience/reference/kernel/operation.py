@@ -15,8 +15,8 @@ from numba import config, types
 from numba.extending import intrinsic, overload
 
 from consilience.mechanism import Array
-from consilience.reference.kernel.compiled import compile_operation
-from consilience.reference.kernel.mechanism_record import RecordType, type_of
+from consilience.reference.kernel.compiled import compile_operation, kernel
+from consilience.reference.kernel.mechanism_record import RecordType, record_of, type_of
 
 _VECTOR = types.Array(types.float64, 1, "C")
 
@@ -74,3 +74,27 @@ def _call(context: Any, operation: Any, record: Any, request: Any, t: Any, z: An
 @overload(call, inline="always")
 def _call_by_address(operation, record, request, t, z, out):  # type: ignore[no-untyped-def] # Numba compares this line
     return lambda operation, record, request, t, z, out: _call(operation, record, request, t, z, out)  # noqa: PLW0108
+
+
+@kernel
+def _call_from_python(operation: Any, record: Any, request: int, t: float, z: Array, out: Array) -> float:
+    return call(operation, record, request, t, z, out)
+
+
+class BoundOperation:
+    """An operation with its record, for calls from Python.
+
+    Parameters
+    ----------
+    operation : Operation
+    record : named tuple
+        As `mechanism_record.record_of` takes it.
+    """
+
+    def __init__(self, operation: Operation, record: Any) -> None:
+        self._record = record_of(record)
+        self._addresses = operation.address(self._record), address_of(self._record)
+
+    def __call__(self, request: int, t: float, z: Array, out: Array) -> float:
+        """Call the operation; z and out are arrays of floats of one dimension, contiguous."""
+        return float(_call_from_python(*self._addresses, request, t, z, out))

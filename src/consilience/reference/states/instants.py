@@ -178,29 +178,20 @@ def _energies(by: InstantArrays, values: InstantValues, n: int) -> None:
     values.energy[n, 0], values.energy[n, 1] = kinetic, potential
 
 
-@inner
-def _instant(by: InstantArrays, values: InstantValues, n: int, t: float) -> bool:
-    """Compute the answers at state n; return whether nothing is in doubt."""
-    _pack(by, values, n)
-    by.ws.limit[0], by.ws.best[0].rank = by.ws.Q.shape[0], 0
-    rank = accelerations(by.model, t, by.y, by.turns, by.ws, by.a)
-    if not _solved(by, _at_origins(by, values, n)) or not _multipliers(by, rank):
-        return False
-    _reactions(by, values, n)
-    _energies(by, values, n)
-    return True
-
-
-@inner
-def _each(by: InstantArrays, values: InstantValues, t: float) -> None:
-    for n in range(values.sound.shape[0]):
-        values.sound[n] = 1 if _instant(by, values, n, t) else 0
-
-
 @threaded
-def _instants(by: InstantArrays, values: InstantValues, t: float) -> None:
+def _instants(by_array: InstantArrays, values_array: InstantValues, t: float) -> None:
     """Compute the answers at all states at the time t; both records are given as arrays."""
-    _each(fields_of(by), fields_of(values), t)
+    by, values = fields_of(by_array), fields_of(values_array)
+    for n in range(values.sound.shape[0]):
+        values.sound[n] = 0
+        _pack(by, values, n)
+        by.ws.limit[0], by.ws.best[0].rank = by.ws.Q.shape[0], 0
+        rank = accelerations(by.model, t, by.y, by.turns, by.ws, by.a)
+        if not _solved(by, _at_origins(by, values, n)) or not _multipliers(by, rank):
+            continue
+        _reactions(by, values, n)
+        _energies(by, values, n)
+        values.sound[n] = 1
 
 
 @lru_cache(maxsize=8)

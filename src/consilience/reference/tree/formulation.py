@@ -18,48 +18,19 @@ from consilience.reference.bodies.joint_rows import coordinate
 from consilience.reference.bodies.mass_metric import mass_matrix
 from consilience.reference.kernel.compiled import kernel
 from consilience.reference.kernel.mechanism_record import record_of
-from consilience.reference.tree.arrays import LoopClosure, Planar, Spatial, TreeElements, flatten_relative, tree_system
-from consilience.reference.tree.dynamics import count_turns, loop_derivative
+from consilience.reference.kernel.operation import BoundOperation
+from consilience.reference.steppers.motion import DERIVATIVE, END_STEP
+from consilience.reference.tree.arrays import TreeElements, flatten_relative, tree_system
+from consilience.reference.tree.dynamics import count_turns
 from consilience.reference.tree.kinematics import fill_euler_parameters, place_bodies, place_links_and_bodies
-from consilience.reference.tree.projection import AT_SAMPLE, find_rank, project
+from consilience.reference.tree.projection import find_rank
 from consilience.reference.tree.state import pack_relative
+from consilience.reference.tree.system import serve, system_record
 
 
 def unsupported(mechanism: Mechanism) -> tuple[Unsupported, ...]:
     """Return no reason: the kernels support every joint and element."""
     return ()
-
-
-@kernel
-def differentiate(
-    closure: LoopClosure, spatial: Spatial, elements: TreeElements | None, planar: Planar, t: float, z: Array, dz: Array
-) -> None:
-    """Call `loop_derivative` from Python.
-
-    Parameters
-    ----------
-    closure, spatial, elements, planar, t, z, dz : see `arrays`
-    """
-    loop_derivative(closure, spatial, elements, planar, t, z, dz)
-
-
-@kernel
-def close(
-    closure: LoopClosure,
-    spatial: Spatial,
-    elements: TreeElements | None,
-    planar: Planar,
-    t: float,
-    z: Array,
-    at_sample: bool,
-) -> None:
-    """Call `project` from Python.
-
-    Parameters
-    ----------
-    closure, spatial, elements, planar, t, z, at_sample : see `arrays`
-    """
-    project(closure, spatial, elements, planar, t, z, at_sample)
 
 
 @kernel
@@ -81,6 +52,8 @@ class RelativeCoordinates:
         assert arrays.spatial is not None
         self._rest, self._space, self._elements = arrays.closure, arrays.spatial, arrays.elements
         self._records = record_of(arrays.closure), record_of(arrays.spatial), record_of(arrays.elements), None
+        self._serve = BoundOperation(serve, system_record(arrays, tree_alone=False))
+        self._sample = np.empty(arrays.spatial.y.size)
 
     def coordinates(self, state: State) -> Array:
         """Return u of a consistent state: angles within half a turn of zero, integrals of controllers zero."""
@@ -104,7 +77,7 @@ class RelativeCoordinates:
         self._rest.rank_limit[0] = round(u[-1])
         if self._elements is not None:
             self._elements.turns[:] = turns
-        differentiate(*self._records, t, z, dz)
+        self._serve(DERIVATIVE, t, z, dz)
         if self._elements is not None:
             _angle_rates(self._records[2], self._space.y, self._space.A, turning)
         return du
@@ -114,7 +87,7 @@ class RelativeCoordinates:
         z, turns = self._split(np.array(u, dtype=float))
         if self._elements is not None:
             self._elements.turns[:] = turns
-        close(*self._records, t, z, AT_SAMPLE)
+        self._serve(END_STEP, t, z, self._sample)
         return np.concatenate([z, self._count_turns(turns), self._rest.rank_limit])
 
     def accelerations(self, state: State, t: float = 0.0) -> tuple[Array, Array]:

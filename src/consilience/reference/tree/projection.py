@@ -8,8 +8,6 @@ constraints hold and kept until the next projection: docs/formulations.md, "Cons
 
 from __future__ import annotations
 
-import numpy as np
-
 from consilience.mechanism import Array
 from consilience.reference.kernel.compiled import fused, inlined, inner, kernel
 from consilience.reference.tree.arrays import LoopClosure, Planar, Spatial, SpatialArrays, TreeElements
@@ -39,9 +37,6 @@ from consilience.reference.tree.multifrontal import PIVOTING, factorise, least_n
 
 _SINGULAR_PIVOT = 1e-4
 """Ratio of the least independent pivot to its largest value below which a pose counts as singular."""
-
-AT_SAMPLE = np.array([True])[0]
-"""Argument `at_sample` for a state that is a sample or is kept."""
 
 _SINGULAR_VIOLATION = 1e-11
 """Largest violation of rows that are left out near a singular pose."""
