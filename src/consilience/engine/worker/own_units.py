@@ -46,9 +46,10 @@ def with_units(mechanism: Mechanism, question: Question, methods: tuple[Method, 
 def _units(mechanism: Mechanism) -> Units:
     """Return the units of a mechanism, those of SI where its sizes are ordinary; the time is that of its falling."""
     mass, length = sum(body.mass for body in mechanism.bodies), characteristic_length(mechanism)
-    pull = applied_wrenches(mechanism, drawing_state(mechanism)).total / (mass * length)
-    pull[:, 3:] /= length
-    fastest = float(np.sqrt(np.max(np.abs(pull))))
+    with np.errstate(all="ignore"):  # forces in a drawing may overflow
+        pull = applied_wrenches(mechanism, drawing_state(mechanism)).total / (mass * length)
+        pull[:, 3:] /= length
+        fastest = float(np.sqrt(np.max(np.abs(pull))))
     own = own_units(mechanism, 1.0 / fastest if 0.0 < fastest < np.inf else 1.0)
     return Units(*(1.0 if 1.0 / ORDINARY <= factor <= ORDINARY else factor for factor in own))
 
