@@ -1,5 +1,7 @@
 """Units in which engines compute: with matched settings those of a mechanism that is far from SI units."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -63,6 +65,18 @@ def test_a_method_with_matched_settings_gets_sizes_of_order_one_and_answers_in_s
                 np.testing.assert_allclose(getattr(found, name), value, rtol=0, atol=least, err_msg=name)
     perform(engine, Request(mechanism, Question.INSTANT, default, [units.convert(start)]))
     assert engine.given[-1] == (mechanism, METHODS[1])
+
+
+def test_without_forces_the_start_tells_the_unit_of_time():
+    base = replace(TREES["branched"], gravity=np.zeros(3), springs=(), joint_springs=(), loads=(), controls=())
+    (start,), slow = states_of(base, 1), Units(time=1e6)
+    mechanism = in_units(base, *slow)
+    (matched, _), (still, _) = (
+        perform(Recorder(), Request(mechanism, states=states)).methods[Question.INSTANT]
+        for states in ([slow.convert(start)], [])
+    )
+    assert matched.settings[SETTING][2] > 1e5
+    assert SETTING not in still.settings
 
 
 def test_ordinary_sizes_and_defaults_have_no_units_of_their_own():

@@ -11,6 +11,7 @@ from consilience.case import Case
 from consilience.compare import ReferenceMotion, Verdict
 from consilience.compare.judge import REFERENCE, judge_case
 from consilience.compare.reference_motion import first_samples
+from consilience.compare.rules import NO_POWER
 from consilience.engine import Method, Question, Route, Run, Status, TrajectoryAnswer
 from consilience.engine.worker.client import Reply
 from consilience.engine.worker.requests import Plan
@@ -25,6 +26,7 @@ from consilience.mechanism import (
     random_states,
     singular_pose,
 )
+from consilience.mechanism.perturbation import GRAVITY, Perturbation
 from consilience.reference import accelerations
 from consilience.suite.engine_runs import EngineCase
 from linkages import FLAT_PARALLELOGRAM, FOLDED_RHOMBUS, four_bar_of, in_other_units, platform, slider_crank, with_crank
@@ -123,7 +125,11 @@ def test_a_singular_pose_is_unresolved_where_the_reference_has_no_answer(questio
     failed = Run("c", REFERENCE, question, METHOD, 0, None, Status.FAILED, reason="no accelerations")
     answered = Run("c", "e", question, METHOD, 0, None, Status.ANSWERED)
     died = replace(failed, engine="d")
-    found = {c.engine: c for c in judge_case(case, [failed, answered, died])}
+    stopped = replace(failed, engine="s", reason="RuntimeError: the solver stopped")
+    found = {c.engine: c for c in judge_case(case, [failed, answered, died, stopped])}
+    motion = question is Question.TRAJECTORY  # an engine may stop where it begins
+    assert found["s"].verdict is (Verdict.UNRESOLVED if motion else Verdict.FAILED)
+    assert "the solver stopped" in found["s"].why
     assert {found[name].rule for name in (REFERENCE, "e")} == {"singular pose"}
     assert {found[name].verdict for name in (REFERENCE, "e")} == {Verdict.UNRESOLVED}
     assert found["d"].verdict is Verdict.FAILED
@@ -152,6 +158,22 @@ def test_a_motion_through_a_change_point_is_judged_up_to_it():
     at_once = replace(truth, **{k: getattr(truth, k)[2:] for k in ("time", "p_WB", "quat_WB", "v_WB_W", "w_WB_W")})
     found = judged(case, Question.TRAJECTORY, at_once, replace(at_once, p_WB=at_once.p_WB + behind[2:]))
     assert (found.verdict, found.rule) == (Verdict.UNRESOLVED, "singular pose")
+
+
+@pytest.mark.parametrize(("before", "rule"), [(1e-3, "agreement"), (0.0, NO_POWER)])
+def test_power_is_that_before_a_change_point(before, rule):
+    """Gravity off by a thousandth shows behind the change point, where another branch would show as well."""
+    case, truth = through_a_change_point()
+    off = np.array([0.0, before, 2.0 * before, 0.1, 0.2])[:, None, None]
+    known = Run("c", REFERENCE, Question.TRAJECTORY, METHOD, 0, None, Status.ANSWERED, truth)
+    heavier = replace(
+        known, answer=replace(truth, p_WB=truth.p_WB + off), perturbation=Perturbation(GRAVITY, "g", 1e-3)
+    )
+    found = next(c for c in judge_case(case, [known, heavier, replace(known, engine="e")]) if c.engine == "e")
+    assert found.rule == rule
+    (power,) = found.power
+    # 2e-3 of a length for each thousandth, 1e-6 passes
+    assert power.limit == (pytest.approx(1e-6 / 2.0, rel=1.0) if before else np.inf)
 
 
 class Locks:

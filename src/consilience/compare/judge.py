@@ -24,6 +24,7 @@ from consilience.compare.result import CoarserLevel, Comparison, Quantity, Verdi
 from consilience.compare.rules import CONVERGENCE, rate_text
 from consilience.compare.trajectory import spread_over_time
 from consilience.engine import Profile, Question, Run, Status, load_named
+from consilience.engine.failures import AT_A_STATE, failure_class
 from consilience.errors import ConsilienceError
 from consilience.mechanism import is_singular, singular_pose
 
@@ -218,12 +219,14 @@ def _without_answer(case: Case, group: Sequence[Run]) -> Comparison:
     """Return the comparison of a group without answers, or without a reference.
 
     A motion that fails at steps at which no method need be stable is unresolved; so are instants, and motions from
-    there, that the reference does not answer at singular poses.
+    there, that the reference does not answer at singular poses, and motions from there at which an engine stops.
     """
     run = next((run for run in group if run.status is not Status.ANSWERED), group[0])
-    if run.question is not Question.MODEL and (run.engine == REFERENCE or run.status is Status.ANSWERED):
+    stops = run.question.over_time and failure_class(run.reason) in AT_A_STATE
+    if run.question is not Question.MODEL and (run.engine == REFERENCE or run.status is Status.ANSWERED or stops):
         why = at_singular_pose(case, run.question)
         if why:
+            why = f"{why}; {run.reason}" if stops else why
             return replace(_blank(run), verdict=Verdict.UNRESOLVED, rule="singular pose", why=why)
     if run.status is Status.FAILED and run.method is not None and run.method.substeps and unstable(case, run):
         text = rate_text(run.step or 0.0, case.fastest_rate)

@@ -21,7 +21,7 @@ from consilience.compare.power_of_bars import at_first_states, instants_at_first
 from consilience.compare.published import dispute, start_against_published
 from consilience.compare.reference_motion import OtherLaw, ReferenceMotion
 from consilience.compare.result import CoarserLevel, Comparison, Quantity, Verdict
-from consilience.compare.rules import OTHER_LAWS
+from consilience.compare.rules import NO_POWER, OTHER_LAWS
 from consilience.compare.trajectory import coarser_levels, compare_trajectory
 from consilience.engine import Method, ModelAnswer, Profile, Question, Run
 from consilience.mechanism import characteristic_length, is_singular
@@ -167,19 +167,20 @@ class TrajectoryJudge(QuestionJudge):
         """Compare by the rules; the coarser levels of the best reference are shown with the published values.
 
         Where the motion passes a singular pose, a difference counts only before it: there a motion may take another
-        branch. An engine that fails there has answered up to it.
+        branch. An engine that fails there has answered up to it. The power is that of the motion before it.
         """
         own = [run for run in levels if run is not self.references[0]]
         earlier, mechanism, motion = self._earlier(levels[0]), self.case.mechanism, self._motion(method_of(levels[0]))
         compared = compare_trajectory(mechanism, own, motion, softer, earlier)
-        short = any(len(run.answer.time) < len(motion.answer.time) for run in own)
-        if (short or compared.verdict in (Verdict.MODEL, Verdict.UNRESOLVED)) and self._first_singular is not None:
-            before = replace(motion, singular=self._first_singular)
-            compared = compare_trajectory(mechanism, own, before, softer, earlier)
-            at = before.answer.time[self._first_singular]
-            why = f"{compared.why}; a singular pose comes before {at:.3g} s, and nothing is judged behind it"
-            why += ", where the engine fails" if short else ""
-            compared = replace(compared, why=why)
+        if self._first_singular is not None:
+            up_to = replace(motion, singular=self._first_singular)
+            before = compare_trajectory(mechanism, own, up_to, softer, earlier)
+            short = any(len(run.answer.time) < len(motion.answer.time) for run in own)
+            if short or compared.verdict in (Verdict.MODEL, Verdict.UNRESOLVED) or before.rule == NO_POWER:
+                at = motion.answer.time[self._first_singular]
+                why = f"{before.why}; a singular pose comes before {at:.3g} s, and nothing is judged behind it"
+                compared = replace(before, why=f"{why}, where the engine fails" if short else why)
+            compared = replace(compared, power=before.power)
         return compared if len(own) == len(levels) else replace(compared, quantities=self.known)
 
     def coarser(self, runs: Sequence[Run]) -> tuple[CoarserLevel, ...]:

@@ -22,12 +22,12 @@ from consilience.compare.softness import SCALES
 from consilience.compare.uncertainty import MOST_LEVELS, affordable, needs_another_level
 from consilience.engine import EngineInfo, Method, Question, Run, Status, Unsupported, defects, load_named
 from consilience.engine.failures import AT_A_STATE, failure_class
-from consilience.engine.worker.client import EngineHandle, replayable_job
+from consilience.engine.worker.client import EngineHandle
 from consilience.engine.worker.requests import NO_METHOD, Plan, Request
 from consilience.mechanism import Array, Mechanism, PhysicalParameter, State, displaced_states
 from consilience.suite.coarser_runs import coarser_runs
 from consilience.suite.perturbed_runs import perturbed_runs, sensitive_parameters
-from consilience.suite.store import Store, StoredAnswer
+from consilience.suite.store import Store, StoredAnswer, with_job
 
 _LOG = logging.getLogger(__name__)
 
@@ -86,8 +86,16 @@ QUICK = Thoroughness(methods=1, reference_methods=2, states=3, samples=5, closer
 
 def open_plan(worker: EngineHandle, case: Case) -> Plan | str:
     """Return the plan of an engine for a case, or why there is none."""
-    reply = worker.ask(Request(case.mechanism))
+    reply = worker.ask(_planning(case))
     return reply.value if isinstance(reply.value, Plan) else reply.reason
+
+
+def _planning(case: Case) -> Request:
+    """Return the request for a plan; the start of the case tells the unit of time of its motion."""
+    try:
+        return Request(case.mechanism, states=[case.initial_state])
+    except FAULTS_OF_A_CASE:  # the answers will say what it is
+        return Request(case.mechanism)
 
 
 def levels_of(case: Case, question: Question, method: Method) -> list[float | None]:
@@ -302,7 +310,7 @@ class EngineCase:
         if self.store is None or not key or run.status is Status.UNSUPPORTED:
             return run
         if run.answer is None:
-            return replace(run, log=_with_job(run.log, self.store, key, self.worker.engine, request))
+            return replace(run, log=with_job(run.log, self.store, key, self.worker.engine, request))
         self.store.keep(key, StoredAnswer(run.answer, run.cpu, run.log))
         return run
 
@@ -321,24 +329,6 @@ class EngineCase:
 
     def _failed(self, question: Question, method: Method | None, reason: str) -> Run:
         return Run(self.case.name, self.worker.engine, question, method, 0, None, Status.FAILED, reason=reason)
-
-
-def _with_job(log: str, store: Store, key: str, engine: str, request: Request) -> str:
-    """Write a failed job to the store; return the output of the engine, and how to repeat the job.
-
-    Parameters
-    ----------
-    log : str
-        Output of the engine.
-    store : Store
-    key : str
-        Key of the job in the store.
-    engine : str
-    request : Request
-    """
-    job = store.keep_job(key, replayable_job(engine, request))
-    lines = [log.rstrip("\n")] if log.strip() else []
-    return "\n".join([*lines, f"to do it again: python -m consilience.engine.worker {job}"])
 
 
 def ask_case(
@@ -360,7 +350,7 @@ def ask_case(
     thoroughness, store, info, reference_motion
         As in `EngineCase`.
     """
-    request = Request(case.mechanism)
+    request = _planning(case)
     reply = worker.ask(request)
     if isinstance(reply.value, Plan):
         engine_case = EngineCase(worker, case, reply.value, thoroughness, store, info, reference_motion)
@@ -372,7 +362,7 @@ def ask_case(
         return
     log = reply.log
     if store is not None and info is not None:
-        log = _with_job(log, store, store.key(info, request), worker.engine, request)
+        log = with_job(log, store, store.key(info, request), worker.engine, request)
     for question in questions:
         yield Run(case.name, worker.engine, question, None, 0, None, Status.FAILED, reason=reply.reason, log=log)
 

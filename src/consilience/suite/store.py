@@ -25,7 +25,7 @@ import numpy as np
 
 from consilience.engine import Answer, EngineInfo, installed, split_name
 from consilience.engine.questions import ANSWERS
-from consilience.engine.worker.client import Request
+from consilience.engine.worker.client import Request, replayable_job
 from consilience.errors import ConsilienceError
 
 FILE = "answers.sqlite"
@@ -198,3 +198,21 @@ class Store:
         """Close the database."""
         with self._lock:
             self._connection.close()
+
+
+def with_job(log: str, store: Store, key: str, engine: str, request: Request) -> str:
+    """Write a failed job to the store; return the output of the engine, and how to repeat the job.
+
+    Parameters
+    ----------
+    log : str
+        Output of the engine.
+    store : Store
+    key : str
+        Key of the job in the store.
+    engine : str
+    request : Request
+    """
+    job = store.keep_job(key, replayable_job(engine, request))
+    lines = [log.rstrip("\n")] if log.strip() else []
+    return "\n".join([*lines, f"to do it again: python -m consilience.engine.worker {job}"])

@@ -7,13 +7,22 @@ factors are powers of two, so that nothing is rounded. At its own defaults an en
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from consilience.engine.answers import Method, Profile, Route
 from consilience.engine.questions import Question
-from consilience.mechanism import Mechanism, Units, applied_wrenches, characteristic_length, drawing_state, own_units
+from consilience.mechanism import (
+    Mechanism,
+    State,
+    Units,
+    applied_wrenches,
+    characteristic_length,
+    drawing_state,
+    own_units,
+)
 
 SETTING = "units (m, kg, s)"
 """Setting of a method that lists the sizes of its units."""
@@ -24,14 +33,24 @@ ORDINARY = 128.0
 _PHYSICAL = (Question.MODEL, Question.INSTANT, Question.TRAJECTORY)
 
 
-def with_units(mechanism: Mechanism, question: Question, methods: tuple[Method, ...]) -> tuple[Method, ...]:
+def with_units(
+    mechanism: Mechanism, states: Sequence[State], question: Question, methods: tuple[Method, ...]
+) -> tuple[Method, ...]:
     """Return methods of an engine with the units of a mechanism among their settings, if it is far from SI units.
 
     Contacts are left in SI units: laws of an engine, which a method carries, have dimensions too.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    states : sequence of State
+        States of which the fastest velocity counts; without any, forces alone tell the unit of time.
+    question : Question
+    methods : tuple of Method
     """
     if question not in _PHYSICAL or mechanism.contacts or mechanism.stops or mechanism.dry_frictions:
         return methods
-    units = _units(mechanism)
+    units = _units(mechanism, states)
     if units == Units():
         return methods
     own = {SETTING: list(units.inverse)}
@@ -43,13 +62,14 @@ def with_units(mechanism: Mechanism, question: Question, methods: tuple[Method, 
     )
 
 
-def _units(mechanism: Mechanism) -> Units:
-    """Return the units of a mechanism, those of SI where its sizes are ordinary; the time is that of its falling."""
+def _units(mechanism: Mechanism, states: Sequence[State]) -> Units:
+    """Return the units of a mechanism, those of SI where its sizes are ordinary; the time is that of its motion."""
     mass, length = sum(body.mass for body in mechanism.bodies), characteristic_length(mechanism)
     with np.errstate(all="ignore"):  # forces in a drawing may overflow
         pull = applied_wrenches(mechanism, drawing_state(mechanism)).total / (mass * length)
         pull[:, 3:] /= length
-        fastest = float(np.sqrt(np.max(np.abs(pull))))
+        rates = [np.sqrt(np.abs(pull)), *(s.v_WB_W / length for s in states), *(s.w_WB_W for s in states)]
+        fastest = max(float(np.max(np.abs(rate))) for rate in rates)
     own = own_units(mechanism, 1.0 / fastest if 0.0 < fastest < np.inf else 1.0)
     return Units(*(1.0 if 1.0 / ORDINARY <= factor <= ORDINARY else factor for factor in own))
 

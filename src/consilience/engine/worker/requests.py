@@ -178,7 +178,7 @@ def perform(engine: Engine, request: Request) -> object:
     if request.survey:
         return _survey(engine, request.mechanism, request)
     if request.question is None or request.method is None:
-        return _plan(engine, request.mechanism)
+        return _plan(engine, request.mechanism, request.states)
     return _ask(engine, request.mechanism, request.question, request)
 
 
@@ -193,12 +193,12 @@ def _unsupported(engine: Engine, mechanism: Mechanism, question: Question) -> tu
     return engine.unsupported(mechanism, question)
 
 
-def _plan(engine: Engine, mechanism: Mechanism) -> Plan:
+def _plan(engine: Engine, mechanism: Mechanism, states: Sequence[State]) -> Plan:
     unsupported = {q: _unsupported(engine, mechanism, q) for q in Question}
     can = [q for q in Question if not unsupported[q]]
     return Plan(
         unsupported,
-        {q: with_units(mechanism, q, engine.methods(mechanism, q)) for q in can},
+        {q: with_units(mechanism, states, q, engine.methods(mechanism, q)) for q in can},
         engine.manifest(mechanism) if can else Manifest(),
     )
 
@@ -232,18 +232,19 @@ def _ask(engine: Engine, mechanism: Mechanism, question: Question, request: Requ
 
 
 def offer(
-    engine: Engine, mechanism: Mechanism, question: Question
+    engine: Engine, mechanism: Mechanism, question: Question, states: Sequence[State] = ()
 ) -> tuple[tuple[Unsupported, ...], tuple[Method, ...]]:
     """Return the features that an engine cannot represent, and its methods if there are none."""
     unsupported = _unsupported(engine, mechanism, question)
-    return unsupported, () if unsupported else with_units(mechanism, question, engine.methods(mechanism, question))
+    methods = () if unsupported else engine.methods(mechanism, question)
+    return unsupported, with_units(mechanism, states, question, methods) if methods else ()
 
 
 def _survey(engine: Engine, mechanism: Mechanism, request: Request) -> AnswerSet:
     """Ask for the methods of the given questions alone: a plan would make the engine examine motions, too."""
     said, refusals = list[MethodAnswer](), dict[Question, tuple[Unsupported, ...]]()
     for question in request.survey:
-        offered = attempt(offer, engine, mechanism, question)
+        offered = attempt(offer, engine, mechanism, question, request.states)
         if isinstance(offered, Raised):
             said.append(MethodAnswer(question, None, None, raised(offered.error)))
             continue
