@@ -9,7 +9,7 @@ import numpy as np
 
 from consilience.engine import Method, Profile, Question, Route, Unsupported
 from consilience.mechanism import GROUND, Array, Cone, ContactLaw, Mechanism
-from consilience_dart.contact_instant import FINE, MOST_ITERATIONS, STEP
+from consilience_dart.contact_instant import FINE, SOLVERS, STEP
 from consilience_dart.contacts import TOLERANCE
 from consilience_dart.stepping import ERROR_REDUCTION_TRAJECTORY
 from consilience_dart.translation import unstepped
@@ -40,7 +40,7 @@ REASONS = {
 CONES = "World.step with FbfFrictionSolver"
 EXTRAPOLATED = f"{CONES}, extrapolated"
 BOX = "World.step, defaults"
-INSTANT = f"{CONES}, second step, to zero step"
+INSTANT = "World.step, second step, to zero step"
 
 _IMPACT = f"Moreau's impacts with Newton's restitution, none up to a rebound of {THRESHOLD:g} m/s, at most {CAP:g} m/s"
 _SETTINGS: dict[str, Any] = {
@@ -109,8 +109,10 @@ def unilateral_methods(mechanism: Mechanism, question: Question, loops: bool) ->
     circle = f"circle; {_IMPACT}" if mechanism.contacts else ""
     if question is Question.INSTANT:
         steps = f"{STEP:g} s or less, halved twice, extrapolated to 0"
-        settings = settings | {"step": steps, "FbfFrictionSolver.maxOuterIterations": MOST_ITERATIONS}
-        settings["FbfFrictionSolver.tolerance"] = FINE
+        solvers = " or ".join(name for name, _, _ in SOLVERS)
+        settings = settings | {"step": steps, "BoxedLcpSolver": solvers}
+        settings |= {f"{name}.{bound}": most for name, bound, most in SOLVERS}
+        settings |= {f"{name}.tolerance": FINE for name, _, _ in SOLVERS}
         return (Method(INSTANT, Route.EXTRAPOLATED, settings=settings, contact_law=circle),)
     law = impact_law(mechanism)
     box = f"box along normal x world z, or along x and y of the world where the normal is z; {_IMPACT}"

@@ -32,6 +32,9 @@ TOLERANCE = 1e-9
 """Of `FbfFrictionSolver` in motions; its default is 1e-6. By 1e-10 it fails where a ball rolls between two walls, whose
 forces are not determined, and is no better elsewhere."""
 
+DEFAULT_ITERATIONS = 100
+"""Iterations of `FbfFrictionSolver` in motions, its default."""
+
 TOO_MANY = 0.05
 """Part of the solutions of friction that may fail: where a body with several contacts rests, and forces of friction are
 not determined, a few do, and DART's substitute holds the body."""
@@ -134,10 +137,10 @@ class Touching:
             world.addSkeleton(ground)
         solver = world.getConstraintSolver()
         solver.setCollisionDetector(dartpy.collision.DARTCollisionDetector())
-        self._friction = dartpy.constraint.FbfFrictionSolver() if cones else None
-        if self._friction is not None:
-            self._set(tolerance=TOLERANCE)
-            solver.setBoxedLcpSolver(self._friction)
+        self._friction: Any = None
+        self._pivoting = solver.getBoxedLcpSolver()
+        if cones:
+            self.solve_by("FbfFrictionSolver", "maxOuterIterations", DEFAULT_ITERATIONS, TOLERANCE)
             solver.setSplitImpulseEnabled(True)  # corrections of overlaps stay out of the velocities
         declared = {(body.node.getName(), partner.node.getName()) for body, partner in self._pads}
         listed = solver.getCollisionOption().collisionFilter
@@ -147,16 +150,27 @@ class Touching:
         self._numbers = {pad.node.getName(): n for n, pads in enumerate(self._pads) for pad in pads}
         self.restart()
 
-    def _set(self, **options: float) -> None:
-        assert self._friction is not None
-        all_options = self._friction.getOptions()  # a copy
-        for name, value in options.items():
-            setattr(all_options, name, value)
-        self._friction.setOptions(all_options)
+    def solve_by_pivoting(self) -> None:
+        """Take DART's default solver, which has no rounding of iterations, but boxes in place of cones."""
+        self._friction = None
+        self._world.getConstraintSolver().setBoxedLcpSolver(self._pivoting)
 
-    def iterate(self, most: int, tolerance: float) -> None:
-        """Let the solver of friction iterate up to this number of times, to this tolerance."""
-        self._set(maxOuterIterations=most, tolerance=tolerance)
+    def solve_by(self, name: str, bound: str, most: int, tolerance: float) -> None:
+        """Take a solver of friction.
+
+        Parameters
+        ----------
+        name, bound : str
+            Class in `dartpy.constraint`, and its option for the largest number of iterations.
+        most : int
+        tolerance : float
+        """
+        self._friction = getattr(dartpy.constraint, name)()
+        options = self._friction.getOptions()  # a copy
+        options.tolerance = tolerance
+        setattr(options, bound, most)
+        self._friction.setOptions(options)
+        self._world.getConstraintSolver().setBoxedLcpSolver(self._friction)
 
     def restart(self) -> None:
         """Set all sums to zero."""

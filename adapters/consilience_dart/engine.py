@@ -27,7 +27,7 @@ from consilience.engine import (
 )
 from consilience.mechanism import Array, Mechanism, State, to_elementary_tree
 from consilience_dart import methods as ways
-from consilience_dart.contact_instant import settle
+from consilience_dart.contact_instant import SOLVERS, settle
 from consilience_dart.contact_methods import CONTACT_FEATURES, EXTRAPOLATED, INSTANT, REASONS, touches
 from consilience_dart.contact_methods import refused as beyond_stepping
 from consilience_dart.contact_motion import extrapolated, move
@@ -45,7 +45,6 @@ from consilience_dart.state import from_state, send
 from consilience_dart.stepping import (
     CONSTRAINT_FORCE_MIXING,
     ERROR_REDUCTION_DEFAULT,
-    ERROR_REDUCTION_INSTANT,
     ERROR_REDUCTION_TRAJECTORY,
     Stepper,
     extrapolated_accelerations,
@@ -161,30 +160,31 @@ class DartEngine:
         """Return accelerations, joint reactions and energies at consistent states."""
         native = method.route is Route.EXTRAPOLATED
         forces_of_contacts = []
-        stepping, model = None, None
+        steppers: list[Stepper] = []
+        model = None
         accelerations, wrenches, energies = [], [], []
         for state in states:
             suited = suited_rods(mechanism, state)
             if model is None or model.mechanism is not suited:
-                stepping = _stepper(suited, state, method) if native else None
-                model = self._translated(suited) if stepping is None else stepping.model
+                worlds = len(SOLVERS) if method.name == INSTANT else int(native)
+                steppers = [_stepper(suited, state, method) for _ in range(worlds)]
+                model = steppers[0].model if steppers else self._translated(suited)
                 forces = Forces(model)
             c = from_state(model, state)
             send(model, c)
-            if method.name == INSTANT and stepping is not None:
-                set_softness(ERROR_REDUCTION_INSTANT, CONSTRAINT_FORCE_MIXING)
-                forces_of_contacts.append(settle(stepping, c, state))
-            elif method.name == ways.EXTRAPOLATED_DEFAULT and stepping is not None:
+            if method.name == INSTANT:
+                forces_of_contacts.append(settle(steppers, c, state))
+            elif method.name == ways.EXTRAPOLATED_DEFAULT:
                 ways.soften(method)
-                zero_step_accelerations(stepping, c, state)
-            elif stepping is not None:
-                extrapolated_accelerations(stepping, c, state)
+                zero_step_accelerations(steppers[0], c, state)
+            elif native:
+                extrapolated_accelerations(steppers[0], c, state)
             elif method.name == ways.ARTICULATED:
                 forward_dynamics(model, forces)
             else:
                 impose(model, *constrained_dynamics(model, forces))
             accelerations.append(body_accelerations(model))
-            if stepping is None:
+            if not native:
                 wrenches.append(reactions(mechanism, model, state))
             energies.append(_energies(model))
         a, alpha = (np.array(column) for column in zip(*accelerations, strict=True))

@@ -111,7 +111,7 @@ def _shape_off(original: Any, magnitude: float) -> Any:
 
 def _boxed(original: Any, magnitude: float, *arguments: Any, **named: Any) -> Any:
     stepping = original(*arguments, **(named | {"cones": False}))
-    stepping.touching.iterate = lambda *_: None
+    stepping.touching.solve_by = lambda *_: None
     return stepping
 
 
