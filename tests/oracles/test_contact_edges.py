@@ -4,10 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
+from numpy.polynomial import Polynomial
+from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
 from consilience.case import load_case
+from consilience.mechanism import Function
 from consilience.reference.contact import simulate_with_contacts
 from contact_problems import BALL, FEET, LEVEL, G, Lab, incline
 
@@ -71,3 +73,41 @@ def test_a_lively_ball_comes_to_rest_after_the_sum_of_its_bounces():
         [first * (1.0 + e) / (1.0 - e)], abs=1e-9
     )
     assert LAB.centre(answer)[0] == pytest.approx([0.0, 0.0, 0.1], abs=1e-9)
+
+
+def test_what_a_turning_push_breaks_away_turns_at_once_and_asks_for_no_short_steps():
+    """Speed s and heading th of a block: ``s' = P/m cos(phi - th) - mu g``, ``s th' = P/m sin(phi - th)``.
+
+    Near rest the heading follows the push at the rate ``mu g / s``: from ``s = P' tau^2 / (2 m)``, ``th = phi``.
+    """
+    mu, mass, end = 0.4, 2.0, 0.01
+    along, across = Polynomial([6.0, 1.0]), Polynomial([0.0, 0.5, 3.0])
+    found = LAB.free_body(
+        mass, (0.02, 0.03, 0.04), LEVEL, LAB.points(FEET * [1.0, 1.0, 0.0], friction=mu), [(1, 0, 0), (0, 1, 0)]
+    )
+    histories = (Function(along.coef), Function(across.coef))
+    loads = tuple(replace(load, history=h) for load, h in zip(found.loads, histories, strict=True))
+
+    def push(t):
+        return np.hypot(along(t), across(t)), np.arctan2(across(t), along(t))
+
+    start = brentq(lambda t: push(t)[0] - mu * mass * G, 0.0, 3.0, xtol=1e-15)
+    size, phi = push(start)
+    grows = (along(start) * along.deriv()(start) + across(start) * across.deriv()(start)) / size
+
+    def planar(tau, z):
+        (P, turned), (s, th) = push(start + tau), z[:2]
+        slides = P / mass * np.cos(turned - th) - mu * G
+        return [slides, P / mass * np.sin(turned - th) / s, s * np.cos(th), s * np.sin(th)]
+
+    tau = 1e-6
+    s = grows / mass * tau**2 / 2.0
+    begun = [s, push(start + tau)[1], s * np.cos(phi) * tau / 3.0, s * np.sin(phi) * tau / 3.0]
+    s, th, x, y = solve_ivp(planar, (tau, end), begun, method="Radau", rtol=1e-12, atol=1e-18).y[:, -1]
+    times = np.array([0.0, start, start + end])
+    answer, events = simulate_with_contacts(replace(found, loads=loads), LAB.state((0, 0, 0), (0, 0, 0)), times, 1e-13)
+    assert [event.time for event in events] == pytest.approx([start] * 3, abs=TIME)
+    p, v, w = LAB.centre(answer)
+    assert [*p, *v] == pytest.approx([x, y, 0.0, s * np.cos(th), s * np.sin(th), 0.0], abs=STATE)
+    assert w == pytest.approx(np.zeros(3), abs=STATE)
+    assert answer.counters["steps"] < 500  # explicit steps are hundreds of thousands

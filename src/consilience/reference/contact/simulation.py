@@ -164,8 +164,8 @@ class _ContactSimulation:
             stepper.choose(chosen_force(self.equations, stepper.respond(stepper.t, stepper.y), stepper.modes))
         within = not self.functions.in_doubt(stepper, 0.0)
         stepper.advance(bound)
-        if self.slips.leave_line(stepper, self.speed):
-            stepper.go_back_to(stepper.t, self._halted)
+        while (back := self.slips.leaves_line(stepper, self.speed)) is not None:
+            stepper.go_back_to(back, self._halted)
         self.speed = self._speeds()
         if any(heading is not None for heading in stepper.modes.heading):
             refuse_jam(self.equations, stepper.respond(stepper.t, stepper.y), stepper.modes, stepper.t)

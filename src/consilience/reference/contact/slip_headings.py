@@ -2,7 +2,7 @@
 
 Slip across a heading decays at the rate ``mu N / |u|`` over an inertia: it is stiff, and stiffer the slower the slip.
 Along a line there is no such slip, and a heading that is kept asks for no short steps. What starts to slide starts
-along a line.
+along a line. Where it then turns while friction is far stronger than what is left to accelerate it, steps are implicit.
 """
 
 from __future__ import annotations
@@ -22,7 +22,10 @@ STOPPED = 1e-9
 """Slip across the heading with which a contact stops, over the same."""
 
 _STOPPING = 1e-12  # slip below which the heading of what stops is kept, over the same
-_STARTING = 1e-6  # slip up to which the heading of what starts is kept, over the same
+_STARTING = 3e-10  # slip up to which the heading of what starts is kept, over the same
+_STIFF, _SLOW = 100.0, 1e-2
+"""Acceleration by friction over that of the slip, from which steps are implicit; largest such slip, over the speeds."""
+
 _STRAIGHT = 3e-11  # turn of a slip, rad, below which it is along a line
 
 
@@ -31,6 +34,8 @@ class SlipHeadings:
 
     def __init__(self, equations: ContactEquations) -> None:
         self._equations, self._friction = equations, equations.layout.friction
+        self._began: dict[int, float] = {}  # slips at the start of the step
+        self._leaving: set[int] = set()  # what leaves its line there
         self._rising: set[int] = set()  # what has started to slide and is slower yet than what stops
 
     def begin(self, started: Collection[int], speed: float) -> None:
@@ -55,26 +60,57 @@ class SlipHeadings:
         heading, slips, held = list(stepper.modes.heading), self._slips(stepper), self._equations.held
         for j, slip in slips:
             size, h = float(np.linalg.norm(slip)), self._equations.heading(j)
-            heading[j] = h
+            heading[j], self._began[j] = h, size
+            if j in self._leaving:
+                held[j] = _STOPPING * speed
             if size > STOPPED * speed:
                 self._rising.discard(j)
             if size > max(held[j], STILL * speed):
-                held[j] = np.inf if _across(slip, h) <= _STRAIGHT * size else _STOPPING * speed
+                straight = _across(slip, h) <= _STRAIGHT * size and j not in self._leaving
+                held[j] = np.inf if straight else _STOPPING * speed
                 heading[j] = direction(slip, h, float(held[j]))
         if slips:
             stepper.turn(tuple(heading))
+        self._leaving.clear()
+        stepper.slow = self._stiff_slip(stepper, speed)
 
-    def leave_line(self, stepper: Stepper, speed: float) -> bool:
-        """Return whether a slip has left its line in the last step, which is then to be repeated."""
-        held, left = self._equations.held, False
+    def leaves_line(self, stepper: Stepper, speed: float) -> float | None:
+        """Return the time at which to end the last step instead, as a slip has left its line within it; or None.
+
+        What has started to slide leaves its line at `_STARTING`, any other at once.
+        """
+        held, back = self._equations.held, None
         for j, slip in self._slips(stepper):
-            size = float(np.linalg.norm(slip))
-            if held[j] == np.inf and size > _STARTING * speed:
-                off = _across(slip, self._equations.heading(j)) > max(_STRAIGHT * size, STILL * speed)
-                held[j], left = _STOPPING * speed if off else np.inf, left or off
-        if left:
+            size, least = float(np.linalg.norm(slip)), _STARTING * speed
+            off = _across(slip, self._equations.heading(j)) > max(_STRAIGHT * size, STILL * speed)
+            if held[j] < np.inf or not off or size <= 2.0 * least:
+                continue
+            if self._began.get(j, 0.0) < least:
+                self._leaving.add(j)
+                t = stepper.started + (stepper.t - stepper.started) * float(np.sqrt(least / size))
+            else:
+                held[j], t = _STOPPING * speed, stepper.t
+            back = t if back is None else min(back, t)
+        if back == stepper.t:
             stepper.turn(stepper.modes.heading)
-        return left
+        return back
+
+    def _stiff_slip(self, stepper: Stepper, speed: float) -> float:
+        """Return the slowest slip that may turn and accelerates far less than friction alone would make it, or zero."""
+        slow = {
+            j: float(np.linalg.norm(slip))
+            for j, slip in self._slips(stepper)
+            if np.isfinite(self._equations.held[j]) and float(np.linalg.norm(slip)) < _SLOW * speed
+        }
+        if not slow:
+            return 0.0
+        response, force = stepper.respond(stepper.t, stepper.y), stepper.forces()
+        a = response.free + response.K @ (response.K.T @ force)
+        rows = {j: list(self._friction[j].rows) for j in slow}
+        every = np.concatenate(list(rows.values()))
+        made = response.K @ (response.K[every].T @ force[every])
+        stiff = [j for j, at in rows.items() if np.linalg.norm(made[at]) > _STIFF * np.linalg.norm(a[at])]
+        return min((slow[j] for j in stiff), default=0.0)
 
     def halted(self, stepper: Stepper, speed: float) -> int | None:
         """Return a friction set that has slipped to a halt along a curve."""

@@ -1,8 +1,8 @@
 """Integration between events, step by step, with dense output; projection of states onto what lasts.
 
-Steps are those of SciPy's Dormand-Prince 8(5,3). After each step positions and velocities are projected, in the mass
-metric, onto the joints, the gaps of closed contacts and the rates of sticking ones. Impulses of contacts and the energy
-that they lose are integrated along.
+Steps are those of SciPy's Dormand-Prince 8(5,3); where the motion is stiff, of its Radau IIA of order 5. After each
+step positions and velocities are projected, in the mass metric, onto the joints, the gaps of closed contacts and the
+rates of sticking ones. Impulses of contacts and the energy that they lose are integrated along.
 """
 
 from __future__ import annotations
@@ -22,6 +22,9 @@ from consilience.reference.contact.equations import ContactEquations
 from consilience.reference.contact.response import Response
 from consilience.reference.contact.row_modes import RowModes
 
+_NUDGE = 1e-6
+"""Step of difference quotients by velocities, over the slow slip."""
+
 
 class Stepper:
     """Integrator of the motion between events.
@@ -31,6 +34,8 @@ class Stepper:
     t, started : float, s
         End and start of the last step.
     modes : RowModes
+    slow : float, m/s
+        Slip that makes the motion stiff, so that steps are implicit; zero where none does.
     counters : dict of str to int
         Accepted steps and evaluations of the derivative.
 
@@ -62,6 +67,7 @@ class Stepper:
         self._Y = np.concatenate([y.ravel(), np.zeros(3 * contacts + 1)])
         self._bodies, self.t, self.started = bodies, t, t
         self._h: float | None = None
+        self.slow = 0.0
         self._pieces: list[tuple[float, Any]] = []
         equations.follow(self.y, self._turns)
         self._restart()
@@ -169,6 +175,15 @@ class Stepper:
         self.counters["evaluations"] += 1
         return self.equations.rates(float(t), np.ascontiguousarray(Y), self._turns)
 
+    def _jacobian(self, t: float, Y: Array) -> Array:
+        """Return ``d(dY/dt)/dY`` by velocities, in which slow slip is stiff; Newton's method leaves out the rest."""
+        rate, J, step = self._derivative(t, Y), np.zeros((Y.size, Y.size)), _NUDGE * self.slow
+        for j in (13 * np.arange(self._bodies)[:, None] + np.arange(7, 13)).ravel():
+            moved = Y.copy()
+            moved[j] += step
+            J[:, j] = (self._derivative(t, moved) - rate) / (moved[j] - Y[j])
+        return J
+
     def contact_forces(self, force: Array) -> Array:
         """Return the forces of the declared contacts from those on all rows, world axes, shape (n_c, 3)."""
         layout = self._layout
@@ -185,9 +200,12 @@ class Stepper:
         NumericalFailure
             If the step size falls below the resolution of the time.
         """
-        if self._solver is None or self._solver.t_bound != bound:
+        method, given = scipy.integrate.DOP853, dict[str, Any]()
+        if self.slow:
+            method, given = scipy.integrate.Radau, {"jac": self._jacobian}
+        if not isinstance(self._solver, method) or self._solver.t_bound != bound:
             first = None if self._h is None else min(self._h, bound - self.t)
-            self._solver = scipy.integrate.DOP853(
+            self._solver = method(
                 self._derivative,
                 self.t,
                 self._Y,
@@ -196,6 +214,7 @@ class Stepper:
                 atol=self._absolute,
                 first_step=first,
                 max_step=self._longest,
+                **given,
             )
         solver = self._solver
         self._before = (self.t, self._Y, self._turns.copy())
