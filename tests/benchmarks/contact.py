@@ -24,7 +24,7 @@ TOLERANCES = (1e-6, 1e-8, 1e-10, 1e-12)
 LEVELS = 7
 """Steps that are tried: a quarter of the sampling interval, and a quarter of that, and so on."""
 
-PATIENCE, AT_LEAST = 12.0, 0.1
+PATIENCE, AT_LEAST = 16.0, 0.1
 """A method is given up where a run takes so many times as long as the reference, and so long in s."""
 
 SHORT = ("block_incline-down", "bowling-skid")

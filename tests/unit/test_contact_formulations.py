@@ -7,10 +7,11 @@ import pytest
 
 from consilience.audit.formulations.contacts import FLOOR, LEVELS, SAFETY, TIMES, band_of, campaign, compare, summary
 from consilience.audit.random_contacts import random_contacts
+from consilience.errors import NumericalFailure
 from consilience.mechanism import State, contact_parts, rotation_from_quaternion
-from consilience.reference.contact import simulate_with_contacts
+from consilience.reference.contact import simulate_with_contacts, time_stepping
 from consilience.reference.contact.time_stepping import step_with_contacts
-from contact_problems import FEET, LEVEL, G, Lab
+from contact_problems import BALL, FEET, LEVEL, G, Lab
 
 
 def test_a_block_stops_within_a_step_of_where_friction_has_used_its_energy():
@@ -84,6 +85,22 @@ def test_forces_that_are_open_and_load_what_slides_leave_the_motion_open(seed, i
     assert found.reason == "indeterminate"
     assert found.agrees
     assert instant in found.message
+
+
+def test_a_step_that_fails_otherwise_is_not_repeated_without_its_rebound(monkeypatch):
+    """A ball falls on the floor: only jammed friction may cost it its rebound."""
+    asked = []
+
+    def fails(problem):
+        asked.append(problem)
+        raise NumericalFailure("singular values did not converge")
+
+    monkeypatch.setattr(time_stepping, "project_impulses", lambda *_: False)
+    monkeypatch.setattr(time_stepping, "decide", fails)
+    mechanism = Lab().free_body(2.0, BALL, LEVEL, [Lab().sphere(0.1, restitution=0.5)])
+    with pytest.raises(NumericalFailure, match="did not converge"):
+        step_with_contacts(mechanism, Lab().state([0, 0, 0.11], [0, 0, -1.0]), np.array([0.0, 0.1]), 10)
+    assert len(asked) == 1
 
 
 def test_friction_that_jams_under_a_rebound_alone_is_told_as_such():
