@@ -43,6 +43,18 @@ LONGEST = (
 
 def pytest_addoption(parser):
     parser.addoption("--engine", action="append", default=None, help="run the conformance suite for this engine only")
+    parser.addoption("--slow", action="store_true", help="run the tests marked slow, too, when all tests are run")
+
+
+def _whole(config):
+    """Whether all tests are asked for."""
+    return config.args_source is config.ArgsSource.TESTPATHS and not config.option.keyword
+
+
+def pytest_configure(config):
+    """Leave out slow tests of a whole run; worker processes are given the expression."""
+    if _whole(config) and not (config.option.slow or hasattr(config, "workerinput") or config.option.markexpr):
+        config.option.markexpr = "not slow"
 
 
 @pytest.hookimpl(optionalhook=True, wrapper=True)
@@ -55,8 +67,7 @@ def pytest_xdist_auto_num_workers(config):
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_setupnodes(config, specs):
     """Compile kernels before the worker processes of a whole run start; otherwise each process would compile them."""
-    whole = config.args_source is config.ArgsSource.TESTPATHS and not config.option.keyword
-    if whole and len(specs) > 1 and not config.option.collectonly:
+    if _whole(config) and len(specs) > 1 and not config.option.collectonly:
         from kernels import compile_apart
 
         compile_apart()

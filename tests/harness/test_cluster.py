@@ -15,6 +15,8 @@ from consilience.suite.store import FILE
 from harness.kills import report
 from pace import soon
 
+pytestmark = pytest.mark.slow
+
 MECHANISMS = SHARD + 2
 """Mechanisms of two tasks."""
 

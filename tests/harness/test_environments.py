@@ -57,6 +57,7 @@ def test_names_have_variants_and_versions():
     require_installed("honest@3.3.7")
 
 
+@pytest.mark.slow
 def test_two_versions_answer_and_their_environments_are_built_once(cache):
     mechanism = chain("revolute", "revolute", seed=2)
     law = through(np.linspace(0.0, 1.0, 9), np.sin(3.0 * np.linspace(0.0, 1.0, 9)))

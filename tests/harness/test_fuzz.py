@@ -446,6 +446,7 @@ def campaign(tmp_path_factory):
         return found, shrink_disagreements(found, panel, folder, 60.0), folder
 
 
+@pytest.mark.slow
 def test_the_correct_engine_raises_no_alarm(campaign):
     found, findings, _ = campaign
     assert len(found.judged) == 8
@@ -453,6 +454,7 @@ def test_the_correct_engine_raises_no_alarm(campaign):
     assert {e.verdict for j in found.judged for e in j.entries if e.engine == "honest"} == {Verdict.AGREES}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", PLANTED)
 def test_a_planted_disagreement_is_found_and_shrunk_to_three_bodies_at_most(campaign, engine):
     _, findings, folder = campaign
@@ -464,6 +466,7 @@ def test_a_planted_disagreement_is_found_and_shrunk_to_three_bodies_at_most(camp
         assert f.shown.signature == f.entry.signature
 
 
+@pytest.mark.slow
 def test_the_smallest_cases_show_it_again(campaign):
     """As the commands in the first lines of the files: by a suite that reads the files alone."""
     _, findings, folder = campaign
@@ -480,6 +483,7 @@ def test_the_smallest_cases_show_it_again(campaign):
         assert Verdict.MODEL in verdicts, f.file
 
 
+@pytest.mark.slow
 def test_the_seed_of_a_finding_meets_it_again(campaign):
     found, findings, _ = campaign
     f = findings[0]
@@ -488,6 +492,7 @@ def test_the_seed_of_a_finding_meets_it_again(campaign):
     assert f.entry.signature in [e.signature for e in before.entries]
 
 
+@pytest.mark.slow
 def test_the_outcome_has_everything_in_it(campaign):
     found, findings, _ = campaign
     data = json.loads(json.dumps(outcome(found, findings), allow_nan=False))
@@ -529,6 +534,7 @@ def contact_campaign(tmp_path_factory):
         return found, shrink_disagreements(found, panel, folder, 20.0), folder
 
 
+@pytest.mark.slow
 def test_halved_friction_is_found_and_shrunk_to_one_contact(contact_campaign):
     found, findings, folder = contact_campaign
     assert {e.verdict for j in found.judged for e in j.entries if e.engine == "honest" and e.digits} == {Verdict.AGREES}

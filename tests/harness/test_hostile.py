@@ -61,6 +61,7 @@ def report(tmp_path_factory):
     return found
 
 
+@pytest.mark.slow
 def test_mutated_case_files_are_refused_or_work(tmp_path):
     warm()
 
@@ -73,6 +74,7 @@ def test_mutated_case_files_are_refused_or_work(tmp_path):
     campaign()
 
 
+@pytest.mark.slow
 def test_extreme_mechanisms_are_refused_or_answered(tmp_path):
     warm()
     warm_extreme(tmp_path)
@@ -86,6 +88,7 @@ def test_extreme_mechanisms_are_refused_or_answered(tmp_path):
     campaign()
 
 
+@pytest.mark.slow
 def test_mutated_reports_are_refused_or_rendered_as_text(tmp_path, report):
     @seed(7)
     @EVERYDAY
@@ -96,6 +99,7 @@ def test_mutated_reports_are_refused_or_rendered_as_text(tmp_path, report):
     campaign()
 
 
+@pytest.mark.slow
 def test_mutated_frames_are_refused_or_understood(tmp_path):
     warm_wire(tmp_path)
 

@@ -261,6 +261,7 @@ def short():
     return run_campaign(tasks, list(HOSTS[1:]), alarms, jobs=1, limit=600.0)  # each process would load all engines
 
 
+@pytest.mark.slow
 def test_the_short_campaign_catches_every_mutant_and_nothing_else(short):
     rows = summary.rows_of(short)
     assert {row.mutant.name for row in rows} == set(MUTANTS)
@@ -273,6 +274,7 @@ def test_the_short_campaign_catches_every_mutant_and_nothing_else(short):
     assert summary.exit_code(short) == 0
 
 
+@pytest.mark.slow
 def test_no_mutant_is_caught_by_a_fault_of_its_own(short):
     faults = ("AttributeError", "KeyError", "TypeError", "NameError", "IndexError")
     own = {o.mutant: o.example for o in short.outcomes if any(f in o.example for f in faults)}
@@ -295,6 +297,7 @@ def test_a_mutant_that_does_not_fit_is_not_judged(monkeypatch):
         assert words in row.why_missed
 
 
+@pytest.mark.slow
 def test_small_errors_are_caught_too(short):
     caught = Counter(o.mutant for o in short.outcomes if o.noticed and o.magnitude <= 1e-4)
     assert len(caught) > 30

@@ -33,6 +33,8 @@ from harness import kills
 from hostile import browser as hostile_browser
 from hostile.properties import report_seed
 
+pytestmark = pytest.mark.slow
+
 HERE = Path(__file__).parent
 
 

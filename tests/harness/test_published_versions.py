@@ -17,6 +17,8 @@ from consilience.cli.commands.bisect import versions_of
 from consilience.cli.main import command_of
 from consilience.errors import InvalidInput
 
+pytestmark = pytest.mark.slow
+
 FACTORS = {"1.9": 1.0, "1.10": 1.0, "2.0": 1.0, "2.1": 1.001}
 """Factor of the mass, by version: 1.10 comes after 1.9, and the mass has been wrong since 2.1."""
 

@@ -99,6 +99,7 @@ def differences(case, units, engines=(), questions=(Question.INSTANT, Question.T
                 yield f"{what}: {a.verdict} {a.digits}, {b.verdict} {b.digits} {b.why}"
 
 
+@pytest.mark.slow
 def test_a_force_that_is_not_converted_fails_the_campaign(monkeypatch, capsys):
     convert = in_units
 
@@ -112,6 +113,7 @@ def test_a_force_that_is_not_converted_fails_the_campaign(monkeypatch, capsys):
     assert "the motion differs by" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["rssr_four_bar", "stiff_spring", "rolling_disc"])
 def test_a_case_in_other_units_has_the_same_verdicts_and_digits(name):
     assert not list(differences(load_case(name), [*UNITS[::3], Units(time=1e-6)]))

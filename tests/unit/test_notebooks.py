@@ -16,6 +16,7 @@ SHOWN = {
 """What the outputs hold, by notebook. The planted product of inertia explains nine tenths of the difference or more."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SHOWN)
 def test_a_notebook_runs_and_shows_what_it_speaks_of(name, tmp_path):
     import nbformat
