@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -24,6 +25,12 @@ def first_samples(answer: TrajectoryAnswer, count: int) -> TrajectoryAnswer:
     """Return the first samples of a motion."""
     rows = {name: getattr(answer, name) for name in _SAMPLED}
     return replace(answer, **{name: value[:count] for name, value in rows.items() if value is not None})
+
+
+def up_to_shortest(answers: Sequence[TrajectoryAnswer]) -> list[TrajectoryAnswer]:
+    """Return the samples that all motions have: an engine that fails at a singular pose has answered up to there."""
+    count = min(len(answer.time) for answer in answers)
+    return [first_samples(answer, count) for answer in answers]
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,7 +32,7 @@ from consilience.compare.motion import (
     size_of_motion,
     state_at,
 )
-from consilience.compare.reference_motion import ReferenceMotion, first_samples
+from consilience.compare.reference_motion import ReferenceMotion, up_to_shortest
 from consilience.compare.result import CoarserLevel, Comparison, Level, Verdict, digits_of
 from consilience.compare.rules import NO_POWER, decide
 from consilience.engine import Question, Run, TrajectoryAnswer
@@ -89,11 +89,10 @@ class _Levels:
     ) -> None:
         self.mechanism, self.runs, self.softer = mechanism, runs, softer
         self.duration = float(np.ptp(reference_motion.answer.time))
-        # an engine that fails at a singular pose has answered up to there
-        count = min(len(run.answer.time) for run in (*runs, *softer))
-        self.reference_motion = reference_motion.up_to(count)
-        self.answers, self.steps = [first_samples(run.answer, count) for run in runs], [run.step for run in runs]
-        self.soft_answers = [first_samples(run.answer, count) for run in softer]
+        answers = up_to_shortest([run.answer for run in (*runs, *softer)])
+        self.reference_motion = reference_motion.up_to(len(answers[0].time))
+        self.answers, self.soft_answers = answers[: len(runs)], answers[len(runs) :]
+        self.steps = [run.step for run in runs]
         self.reference, self.judged = self.reference_motion.answer, self.reference_motion.judged
         self.scales = Scales.of(mechanism, self.reference)
         self.errors = [difference_over_time(a, self.reference, self.scales.size) for a in self.answers]

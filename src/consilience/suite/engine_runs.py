@@ -18,6 +18,7 @@ from consilience.compare import Prospect, ReferenceMotion
 from consilience.compare.horizon import PERTURBATION
 from consilience.compare.judge import DISPLACED_START, FAULTS_OF_A_CASE, REFERENCE, STABLE, stable_levels, unstable
 from consilience.compare.power import MEASURED
+from consilience.compare.reference_motion import up_to_shortest
 from consilience.compare.softness import SCALES
 from consilience.compare.uncertainty import MOST_LEVELS, affordable, needs_another_level
 from consilience.engine import EngineInfo, Method, Question, Run, Status, Unsupported, defects, load_named
@@ -258,7 +259,7 @@ class EngineCase:
         last = runs[-1].step
         if last is None or not method.substeps or len(runs) >= MOST_LEVELS or not affordable(runs[-1].cpu):
             return None
-        answers = [run.answer for run in runs]
+        answers = up_to_shortest([run.answer for run in runs])
         more = prospect.finer or needs_another_level(answers, method, [run.step for run in runs])
         return last / 2.0 if more else None
 
