@@ -550,8 +550,9 @@ def test_halved_friction_is_found_and_shrunk_to_one_contact(contact_campaign):
 def test_a_reference_that_finds_the_laws_open_is_unresolved_and_judges_nobody(case, honest):
     reason = "NumericalFailure: contact at t = 0 s: the laws of contact and friction allow several accelerations"
     open_ = MethodAnswer(INSTANT, Method("i", Route.REFERENCE), None, reason)
-    entries = judge(case, {"reference": AnswerBatch((open_,)), "e": AnswerBatch((honest[INSTANT],))})
-    assert [(e.engine, e.verdict) for e in entries] == [("reference", Verdict.UNRESOLVED), ("e", Verdict.UNRESOLVED)]
+    refused = AnswerBatch((replace(open_, reason="RuntimeError: no set of closed contacts fits"),))
+    batches = {"reference": AnswerBatch((open_,)), "e": AnswerBatch((honest[INSTANT],)), "refuses": refused}
+    assert [(e.engine, e.verdict) for e in judge(case, batches)] == [(e, Verdict.UNRESOLVED) for e in batches]
     failed = replace(open_, reason="NumericalFailure: the mass matrix is singular")
     assert judge(case, {"reference": AnswerBatch((failed,))})[0].verdict is Verdict.FAILED
 

@@ -100,6 +100,7 @@ class _MechanismJudge:
         for answer in reference.answers:
             if not self._defect(answer):
                 self.reference.setdefault(answer.question, answer)
+        self.open = {answer.question for answer in reference.answers if _leaves_open(self._defect(answer))}
         self.uncertain: set[Question] = set()
         self.inexact: set[str] = set()
 
@@ -122,7 +123,7 @@ class _MechanismJudge:
                 continue
             defect = self._defect(answer)
             if defect:
-                if engine == REFERENCE and _leaves_open(defect):
+                if answer.question in self.open and answer.method is not None:  # by the laws, for every engine
                     yield self._judged(engine, answer, REFERENCE, Verdict.UNRESOLVED, "", defect)
                     continue
                 printed = batch.log.strip()[-_MOST_OUTPUT:] if answer.method is None else ""
