@@ -82,6 +82,14 @@ def double(record):
         record.first[i] *= 2.0
 
 
+@kernel
+def double_array(words):
+    """Write into an array of a record that this kernel opens."""
+    record = fields_of(words)
+    for i in range(record.first.shape[0]):
+        record.first[i] *= 2.0
+
+
 def numbers(fields):
     """Return the numbers of all fields in the order of `read`."""
     inside = fields.inner
@@ -109,9 +117,10 @@ def test_a_field_may_be_a_record_already():
     np.testing.assert_array_equal(out, numbers(fields))
 
 
-def test_a_kernel_writes_into_the_arrays_themselves():
+@pytest.mark.parametrize(("make", "call"), [(record_of, double), (record_array, double_array)])
+def test_a_kernel_writes_into_the_arrays_themselves(make, call):
     fields = example()
-    double(record_of(fields))
+    call(make(fields))
     np.testing.assert_array_equal(fields.first, [0.2, -0.4])
 
 

@@ -133,7 +133,8 @@ def _open(context: Any, words: types.Array) -> tuple[Any, Any]:
     return _RECORD_TYPES[name](words), generate
 
 
-@overload(fields_of, inline="always")
+# inlined by LLVM: after Numba has inlined an overload it removes assignments to arrays that are not arguments
+@overload(fields_of, jit_options={"forceinline": True})
 def _fields_of(words):  # type: ignore[no-untyped-def] # Numba compares this line with the next
     return lambda words: _open(words)  # noqa: PLW0108
 

@@ -71,7 +71,7 @@ def _call(context: Any, operation: Any, record: Any, request: Any, t: Any, z: An
     return types.float64(operation, record, *_OTHERS), generate
 
 
-@overload(call, inline="always")
+@overload(call, jit_options={"forceinline": True})  # inlined by LLVM: see `mechanism_record.fields_of`
 def _call_by_address(operation, record, request, t, z, out):  # type: ignore[no-untyped-def] # Numba compares this line
     return lambda operation, record, request, t, z, out: _call(operation, record, request, t, z, out)  # noqa: PLW0108
 

@@ -110,9 +110,20 @@ def _flipped(a: AssemblyArrays) -> bool:
     return False
 
 
-@inner
-def _positions(a: AssemblyArrays, held: Array, t: float, converged: float, most: int, far: int) -> bool:
-    """Assemble the poses as `_assemble_positions`."""
+@threaded
+def _assemble_positions(record: AssemblyArrays, held: Array, t: float, converged: float, most: int, far: int) -> bool:
+    """Assemble the poses; return whether nothing is in doubt.
+
+    Parameters
+    ----------
+    record : AssemblyArrays
+        As a record array; ``pose`` is the guess, and afterwards the pose of the least residual.
+    held : ndarray of HELD, shape (h,)
+    t : float, s
+    converged, most, far
+        Largest residual, number of iterations, and largest number of further ones for poses that are far away.
+    """
+    a = fields_of(record)
     before, longest = np.inf, 1.0
     for n in range(most + far + 1):
         largest = evaluate(a, held, t)
@@ -139,24 +150,9 @@ def _positions(a: AssemblyArrays, held: Array, t: float, converged: float, most:
 
 
 @threaded
-def _assemble_positions(record: AssemblyArrays, held: Array, t: float, converged: float, most: int, far: int) -> bool:
-    """Assemble the poses; return whether nothing is in doubt.
-
-    Parameters
-    ----------
-    record : AssemblyArrays
-        As a record array; ``pose`` is the guess, and afterwards the pose of the least residual.
-    held : ndarray of HELD, shape (h,)
-    t : float, s
-    converged, most, far
-        Largest residual, number of iterations, and largest number of further ones for poses that are far away.
-    """
-    return _positions(fields_of(record), held, t, converged, most, far)
-
-
-@inner
-def _velocities(a: AssemblyArrays, held: Array, t: float) -> bool:
-    """Assemble the velocities as `_assemble_velocities`."""
+def _assemble_velocities(record: AssemblyArrays, held: Array, t: float) -> bool:
+    """Assemble the velocities in ``v`` at the poses; return whether nothing is in doubt."""
+    a = fields_of(record)
     place_bodies(a)
     constraints.evaluate(a.model, t, a.y, a.turns, a.ws)
     row = a.ws.Q.shape[0]
@@ -177,12 +173,6 @@ def _velocities(a: AssemblyArrays, held: Array, t: float) -> bool:
         largest = max(largest, abs(v))
     _write_rates(a, held)
     return _left(a, a.v) <= _CONTRADICTION * largest
-
-
-@threaded
-def _assemble_velocities(record: AssemblyArrays, held: Array, t: float) -> bool:
-    """Assemble the velocities in ``v`` at the poses; return whether nothing is in doubt."""
-    return _velocities(fields_of(record), held, t)
 
 
 @inner

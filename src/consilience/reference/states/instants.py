@@ -178,9 +178,10 @@ def _energies(by: InstantArrays, values: InstantValues, n: int) -> None:
     values.energy[n, 0], values.energy[n, 1] = kinetic, potential
 
 
-@inner
-def _each(by: InstantArrays, values: InstantValues, t: float) -> None:
-    """Compute the answers at all states; record where nothing is in doubt."""
+@threaded
+def _instants(by_array: InstantArrays, values_array: InstantValues, t: float) -> None:
+    """Compute the answers at all states at the time t; both records are given as arrays."""
+    by, values = fields_of(by_array), fields_of(values_array)
     for n in range(values.sound.shape[0]):
         values.sound[n] = 0
         _pack(by, values, n)
@@ -191,12 +192,6 @@ def _each(by: InstantArrays, values: InstantValues, t: float) -> None:
         _reactions(by, values, n)
         _energies(by, values, n)
         values.sound[n] = 1
-
-
-@threaded
-def _instants(by: InstantArrays, values: InstantValues, t: float) -> None:
-    """Compute the answers at all states at the time t; both records are given as arrays."""
-    _each(fields_of(by), fields_of(values), t)
 
 
 @lru_cache(maxsize=8)
