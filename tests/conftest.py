@@ -52,8 +52,8 @@ def _whole(config):
 
 
 def pytest_configure(config):
-    """Leave out slow tests of a whole run; worker processes are given the expression."""
-    if _whole(config) and not (config.option.slow or hasattr(config, "workerinput") or config.option.markexpr):
+    """Leave out slow tests of a whole run, in worker processes, too."""
+    if _whole(config) and not (config.option.slow or config.option.markexpr):
         config.option.markexpr = "not slow"
 
 
