@@ -26,6 +26,7 @@ _STARTING = 3e-10  # slip up to which the heading of what starts is kept, over t
 _STIFF, _SLOW = 100.0, 1e-2
 """Acceleration by friction over that of the slip, from which steps are implicit; largest such slip, over the speeds."""
 
+_FIRST = 0.05  # part of a step that is repeated where a line is left: slip along a curve asks for shorter ones
 _STRAIGHT = 3e-11  # turn of a slip, rad, below which it is along a line
 
 
@@ -79,7 +80,7 @@ class SlipHeadings:
 
         What has started to slide leaves its line at `_STARTING`, any other at once.
         """
-        held, back = self._equations.held, None
+        held, back, freed = self._equations.held, None, False
         for j, slip in self._slips(stepper):
             size, least = float(np.linalg.norm(slip)), _STARTING * speed
             off = _across(slip, self._equations.heading(j)) > max(_STRAIGHT * size, STILL * speed)
@@ -89,9 +90,10 @@ class SlipHeadings:
                 self._leaving.add(j)
                 t = stepper.started + (stepper.t - stepper.started) * float(np.sqrt(least / size))
             else:
-                held[j], t = _STOPPING * speed, stepper.t
+                held[j], t = _STOPPING * speed, stepper.started + _FIRST * (stepper.t - stepper.started)
+                freed = True
             back = t if back is None else min(back, t)
-        if back == stepper.t:
+        if freed:
             stepper.turn(stepper.modes.heading)
         return back
 
