@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from consilience.case import load_case
-from consilience.engine import CONTACT_MODES, EVENT_KINDS, EngineInfo, Method, Question, Route, Run, Status
+from consilience.engine import CONTACT_MODES, EVENT_KINDS, EngineInfo, Method, Question, Route, Run, Status, load_engine
 from consilience.engine import TrajectoryAnswer as Answer
 from consilience.errors import InvalidInput
 from consilience.mechanism import (
@@ -39,6 +39,14 @@ APART, SLIDES, STICKS = range(len(CONTACT_MODES))
 TURN = np.array([0.4, -0.3, 0.9])
 HALF = np.array([0.3, 0.2, 0.1])
 CENTER = np.array([0.05, -0.02, 0.03])
+
+
+def test_a_motion_with_stops_alone_has_no_contacts_to_show():
+    case, engine = load_case("pendulum_at_a_stop"), load_engine("reference")
+    method = engine.methods(case.mechanism, Question.TRAJECTORY)[0]
+    answer = engine.trajectory(case.mechanism, case.initial_state, case.times, method, 1e-9)
+    assert answer.contact_impulse is not None
+    assert contacts_at_frames(case.mechanism, answer, chosen_samples(answer)) == []
 
 
 def box_on_skew_plane(count=121, raised=0.25):

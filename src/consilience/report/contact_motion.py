@@ -44,13 +44,13 @@ def contacts_at_frames(mechanism: Mechanism, answer: TrajectoryAnswer, samples: 
     """Compute nearest points, gaps, mean forces and modes of all contacts at samples, as `replayschema.ReplayContact`.
 
     A force is the impulse on `body` since the frame before over the time since then: it exists across impacts. Its
-    point is the mean of the nearest points of the parts that touch. Nothing where the motion has no impulses or modes.
+    point is the mean of the nearest points of the parts that touch. Nothing without contacts, impulses or modes.
 
     Where equilibrium leaves a force open, before or after the interval, the force is one of many; what is known then is
     at most the sum over all contacts of the two bodies.
     """
     impulse, modes = answer.contact_impulse, answer.contact_mode
-    if impulse is None or modes is None or len(samples) < 2:
+    if impulse is None or modes is None or not mechanism.contacts or len(samples) < 2:
         return []
     states = [answer.state(k) for k in samples]
     ends, spans = pairwise(samples), np.diff(answer.time[samples])
