@@ -20,7 +20,8 @@ CONTACT_FEATURES = (
 )
 
 THRESHOLD, CAP = 0.1, 100.0
-"""Speeds of rebound in m/s: up to the first DART gives none, and no more than the second; there is no setter."""
+"""Speeds of rebound in m/s, or in units of the settings: DART gives none up to the first, and no more than the second;
+there is no setter."""
 
 REASONS = {
     "disc on plane contact": "DART finds no contact of a cylinder's rim with a plane",
@@ -42,7 +43,10 @@ EXTRAPOLATED = f"{CONES}, extrapolated"
 BOX = "World.step, defaults"
 INSTANT = "World.step, second step, to zero step"
 
-_IMPACT = f"Moreau's impacts with Newton's restitution, none up to a rebound of {THRESHOLD:g} m/s, at most {CAP:g} m/s"
+_IMPACT = (
+    f"Moreau's impacts with Newton's restitution, none up to a rebound of {THRESHOLD:g} m/s, at most {CAP:g} m/s, "
+    "in units of the settings where they have units"
+)
 _SETTINGS: dict[str, Any] = {
     "DeactivationOptions.enabled": False,
     "BoxedLcpSolver": "FbfFrictionSolver",

@@ -1,8 +1,9 @@
 """Cases in other units: the same verdicts, and the same digits as far as they are not rounding.
 
-Long version, over the library: ``python tests/twins/test_units.py [-e ENGINE] [--tenth] [name ...]``; --tenth takes
-each tenth case. What differs in units by powers of ten and not in units by powers of two is rounding of the data, to
-which the case is sensitive: a parallelogram of rounded lengths is none at its change point.
+Long version, over the library: ``python tests/twins/test_units.py [-e ENGINE] [--turns] [name ...]``; --turns takes two
+units far off for each case, of length, mass and time by turns, and short motions of each engine's first method. What
+differs in units by powers of ten and not in units by powers of two is rounding of the data, to which the case is
+sensitive: a parallelogram of rounded lengths is none at its change point.
 """
 
 import argparse
@@ -22,6 +23,7 @@ from consilience.compare.motion import difference_over_time, size_of_motion
 from consilience.engine import Profile, Question
 from consilience.mechanism import Frame, Initial, Units, in_units
 from consilience.suite import Thoroughness, run_suite
+from consilience.suite.engine_runs import QUICK
 
 
 def units_by(*factors):
@@ -30,9 +32,15 @@ def units_by(*factors):
 
 
 UNITS, BINARY = units_by(1e-6, 1e-3, 1e3, 1e6), units_by(2.0**-20, 2.0**-10, 2.0**10, 2.0**20)
+TURNS = ((0, 7), (3, 8), (4, 11), (7, 0), (8, 3), (11, 4))
+"""Pairs of `UNITS` that are far off, one in length, mass or time and one in another of these."""
+
 SHORT = Thoroughness(states=4, samples=10, closer=False)
+TOGETHER = 8
+"""Cases of one suite, whose engines are loaded once."""
+
 ROUNDING = 11.0
-"""Digits beyond which differences are rounding."""
+"""Digits beyond which differences are rounding; at an instant those of its bar."""
 
 _LENGTHS = ("distance", "x", "y", "position")
 
@@ -69,32 +77,51 @@ def scaled(case, units):
 
 def moved(cases, units, runs):
     """Where the reference's motion in other units is another one than in those of the first case."""
-    motions = {run.case: run.answer for run in runs if run.engine == REFERENCE and run.question is Question.TRAJECTORY}
+    asked = [run for run in runs if run.engine == REFERENCE and run.question is Question.TRAJECTORY]
+    motions = {run.case: run.answer for run in asked if run.answer is not None}
     first, mechanism = motions.get(cases[0].name), cases[0].mechanism
     for case, one in zip(cases[1:], units, strict=True) if first is not None else ():
+        if case.name not in motions:
+            yield f"{case.name}: the reference ends no motion"
+            continue
         back = one.inverse.convert(motions[case.name])
         off = float(np.max(difference_over_time(back, first, size_of_motion(mechanism, first))))
         if not off <= 10.0 ** -cases[0].digits:
             yield f"{case.name}: the motion differs by {off:.2g}"
 
 
-def differences(case, units, engines=(), questions=(Question.INSTANT, Question.TRAJECTORY)):
-    """What differs between the comparisons of a case and of the case in other units; what is unsupported does not."""
-    cases = [scaled(case, Units()), *(scaled(case, one) for one in units)]
-    found = run_suite(cases, list(engines), questions, thoroughness=SHORT)
-    yield from moved(cases, units, found.runs)
+def digits_of(found):
+    """Return the digits of a comparison that are not rounding: those within the bar of the accelerations."""
+    most = next((-np.log10(q.bar) for q in found.quantities if q.name == "accelerations"), ROUNDING)
+    return min(most, ROUNDING, np.inf if found.digits is None else found.digits)
+
+
+def differences(cases, units, engines=(), questions=(Question.INSTANT, Question.TRAJECTORY), thoroughness=SHORT):
+    """What differs, by case, between its comparisons and those in its other units; what is unsupported does not."""
+    twins = [
+        [scaled(case, Units()), *(scaled(case, one) for one in own)] for case, own in zip(cases, units, strict=True)
+    ]
+    found = run_suite([one for own in twins for one in own], list(engines), questions, thoroughness=thoroughness)
     matched = [c for c in found.comparisons if c.profile is Profile.MATCHED]  # defaults have units of their own
-    own = {one.name: [c for c in matched if c.case == one.name] for one in cases}
-    first = own[cases[0].name]
-    for name, others in own.items():
+    return {
+        case.name: [
+            *moved(own, others, found.runs),
+            *unlike([[c for c in matched if c.case == one.name] for one in own]),
+        ]
+        for case, own, others in zip(cases, twins, units, strict=True)
+    }
+
+
+def unlike(answers):
+    """What differs between the comparisons of a case and those in each of the other units."""
+    for others in answers[1:]:
         same = {(c.engine, c.question, c.method): c for c in others}
-        for a, b in [(a, same.get((a.engine, a.question, a.method))) for a in first]:
+        for a, b in [(a, same.get((a.engine, a.question, a.method))) for a in answers[0]]:
             if b is None or Verdict.UNSUPPORTED in (a.verdict, b.verdict):  # an engine's own bounds, in kg and m
                 assert a.engine != REFERENCE
                 continue
-            digits = [min(ROUNDING, np.inf if c.digits is None else c.digits) for c in (a, b)]
-            if a.verdict is not b.verdict or abs(digits[0] - digits[1]) > 0.3:
-                what = f"{name}: {a.engine} {a.question} {a.method}"
+            if a.verdict is not b.verdict or abs(digits_of(a) - digits_of(b)) > 0.3:
+                what = f"{b.case}: {a.engine} {a.question} {a.method}"
                 yield f"{what}: {a.verdict} {a.digits}, {b.verdict} {b.digits} {b.why}"
 
 
@@ -115,7 +142,7 @@ def test_a_force_that_is_not_converted_fails_the_campaign(monkeypatch, capsys):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["rssr_four_bar", "stiff_spring", "rolling_disc"])
 def test_a_case_in_other_units_has_the_same_verdicts_and_digits(name):
-    assert not list(differences(load_case(name), [*UNITS[::3], Units(time=1e-6)]))
+    assert not differences([load_case(name)], [[*UNITS[::3], Units(time=1e-6)]])[name]
 
 
 @pytest.mark.parametrize(
@@ -128,7 +155,7 @@ def test_a_case_in_other_units_has_the_same_verdicts_and_digits(name):
 def test_instants_on_engines_do_not_depend_on_units(name, engines):
     """One suite of several engines for each case."""
     case = replace(load_case(name), instants=3)
-    assert not list(differences(case, units_by(1e-6, 1e6), engines, [Question.INSTANT]))
+    assert not differences([case], [units_by(1e-6, 1e6)], engines, [Question.INSTANT])[name]
 
 
 def main(arguments=None):
@@ -136,19 +163,27 @@ def main(arguments=None):
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*")
     parser.add_argument("-e", "--engine", action="append", default=[])
-    parser.add_argument("--tenth", action="store_true")
+    parser.add_argument("--turns", action="store_true", help="two units and short motions for each case")
     asked = parser.parse_args(arguments)
-    names = asked.names or [path.stem for path in case_files()][:: 10 if asked.tenth else 1]
+    names, how = asked.names or [path.stem for path in case_files()], QUICK if asked.turns else SHORT
+    cases = [case for name in names for case in load_cases(name)]
     problems = sensitive = 0
-    for one in [case for name in names for case in load_cases(name)]:
-        lines = list(differences(one, UNITS, asked.engine))
-        if lines and not list(differences(one, BINARY, asked.engine)):
-            sensitive += 1
-            print(f"{one.name}: sensitive to the rounding of its data", flush=True)
-        else:
-            problems += len(lines)
-            print(*lines, sep="\n", end="\n" if lines else "", flush=True)
-    print(f"{len(names)} files: {problems} differences, {sensitive} cases sensitive to the rounding of their data")
+    for first in range(0, len(cases), TOGETHER):
+        chunk = cases[first : first + TOGETHER]
+        turns = [TURNS[n % len(TURNS)] if asked.turns else range(len(UNITS)) for n in range(len(chunk))]
+        decimal, binary = ([[units[n] for n in own] for own in turns] for units in (UNITS, BINARY))
+        found = differences(chunk, decimal, asked.engine, thoroughness=how)
+        for case, own in zip(chunk, binary, strict=True):
+            lines = found[case.name]
+            if lines and not differences([case], [own], asked.engine, thoroughness=how)[case.name]:
+                sensitive += 1
+                print(f"{case.name}: sensitive to the rounding of its data", *lines, sep="\n  ", flush=True)
+            else:
+                problems += len(lines)
+                print(*lines, sep="\n", end="\n" if lines else "", flush=True)
+        print(
+            f"{first + len(chunk)} cases: {problems} differences, {sensitive} sensitive to the rounding of their data"
+        )
     return int(problems > 0)
 
 

@@ -6,11 +6,21 @@ import numpy as np
 import pytest
 
 from consilience.engine import Manifest, Method, Profile, Question, Route
-from consilience.engine.worker.own_units import ORDINARY, SETTING
+from consilience.engine.worker.own_units import ORDINARY, SETTING, with_units
 from consilience.engine.worker.requests import Request, perform
-from consilience.mechanism import Units, characteristic_length, in_units
+from consilience.mechanism import (
+    Compliance,
+    ContactLaw,
+    Initial,
+    JointSpring,
+    Units,
+    characteristic_length,
+    in_units,
+    initial_state,
+)
 from consilience.reference import accelerations, simulate
-from mechanisms import TREES, states_of
+from contact_problems import Lab, pendulum
+from mechanisms import TREES, chain, states_of
 
 METHODS = (
     Method("its own", Route.NATIVE, 1, (4,), settings={"knob": 1}),
@@ -86,3 +96,25 @@ def test_ordinary_sizes_and_defaults_have_no_units_of_their_own():
     assert matched.settings["knob"] == 1
     assert SETTING in matched.settings
     assert default == METHODS[1]
+
+
+def test_a_law_of_contact_has_the_engines_numbers_in_its_units():
+    base, units = pendulum(Lab(), 0.3), Units(1e-4, 1e5, 1e-3)
+    mechanism, (start,) = in_units(base, *units), states_of(base, 1)
+    law = ContactLaw(compliance=Compliance(7.0, 5.0), rebound_threshold=0.1, impact_law="moreau")
+    method = replace(METHODS[0], law=law)
+    (found,) = with_units(mechanism, [units.convert(start)], Question.TRAJECTORY, (method,))
+    length, mass, time = found.settings[SETTING]
+    assert min(length, 1.0 / mass) < 1.0 / ORDINARY
+    expected = Compliance(7.0 * mass / time**2, 5.0 * mass / time)
+    assert found.law == replace(law, compliance=expected, rebound_threshold=0.1 * length / time)
+
+
+def test_the_force_at_the_start_tells_the_unit_of_time_where_the_drawing_is_in_equilibrium():
+    slide = replace(chain("prismatic"), gravity=np.zeros(3))
+    body, joint, rate = slide.bodies[0], slide.joints[0], 1e4
+    spring = JointSpring("spring", joint.name, "distance", body.mass * rate**2, 0.0, 0.0)
+    mechanism = replace(slide, joint_springs=(spring,))
+    start = initial_state(mechanism, Initial({joint.name: {"distance": characteristic_length(mechanism)}}))
+    (found,) = with_units(mechanism, [start], Question.TRAJECTORY, METHODS[:1])
+    assert 0.5 < rate * found.settings[SETTING][2] < 2.0

@@ -34,7 +34,7 @@ class Units(NamedTuple):
         return Units(*(1.0 / one for one in self))
 
     def convert(self, record: _T) -> _T:
-        """Convert the fields of a state or an answer whose names are in the table of dimensions; None stays None."""
+        """Convert the fields of a record whose names are in the table of dimensions; None stays None."""
         known = {name: value for name, value in vars(record).items() if name in _DIMENSIONS and value is not None}
         return replace(record, **{n: x * float(np.prod(np.power(self, _DIMENSIONS[n]))) for n, x in known.items()})  # type: ignore[type-var]
 
@@ -58,8 +58,11 @@ _DIMENSIONS: dict[str, tuple[int, int, int]] = {
     "contact_impulse": (1, 1, -1),
     "contact_loss": (2, 1, -2),
     "event_time": (0, 0, 1),
+    "stiffness": (0, 1, -2),
+    "damping": (0, 1, -1),
+    "rebound_threshold": (1, 0, -1),
 }
-"""Powers of length, mass and time of the fields of states and answers."""
+"""Powers of length, mass and time of the fields of states, answers, and compliances and laws of contact."""
 
 
 def characteristic_length(mechanism: Mechanism) -> float:
@@ -195,8 +198,7 @@ def in_units(
             if isinstance(old, Function):
                 new[name] = rescaled(old, factors[dimension], argument)
             elif isinstance(old, Compliance):
-                units = factors["force / length"], factors["force time / length"]
-                new[name] = Compliance(old.stiffness * units[0], old.damping * units[1])
+                new[name] = Units(length, mass, time).convert(old)
             elif old is not None:
                 new[name] = old * factors[dimension]
         if isinstance(element, Stop) and own < 0.0:

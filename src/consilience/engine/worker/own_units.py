@@ -15,6 +15,7 @@ import numpy as np
 from consilience.engine.answers import Method, Profile, Route
 from consilience.engine.questions import Question
 from consilience.mechanism import (
+    ContactLaw,
     Mechanism,
     State,
     Units,
@@ -38,35 +39,42 @@ def with_units(
 ) -> tuple[Method, ...]:
     """Return methods of an engine with the units of a mechanism among their settings, if it is far from SI units.
 
-    Contacts are left in SI units: laws of an engine, which a method carries, have dimensions too.
+    The law of contact that a method solves has the numbers of the engine in these units; it is returned in SI units.
 
     Parameters
     ----------
     mechanism : Mechanism
     states : sequence of State
-        States of which the fastest velocity counts; without any, forces alone tell the unit of time.
+        States of which the fastest velocity counts, and the forces at the first; without any, those in the drawing.
     question : Question
     methods : tuple of Method
     """
-    if question not in _PHYSICAL or mechanism.contacts or mechanism.stops or mechanism.dry_frictions:
+    if question not in _PHYSICAL:
         return methods
     units = _units(mechanism, states)
     if units == Units():
         return methods
     own = {SETTING: list(units.inverse)}
     return tuple(
-        replace(m, settings={**m.settings, **own})
+        replace(m, settings={**m.settings, **own}, law=_law_in(units.inverse, m.law))
         if m.profile is Profile.MATCHED and m.route is not Route.REFERENCE
         else m
         for m in methods
     )
 
 
+def _law_in(units: Units, law: ContactLaw | None) -> ContactLaw | None:
+    """Return a law of contact in other units."""
+    if law is None:
+        return None
+    return replace(units.convert(law), compliance=law.compliance and units.convert(law.compliance))
+
+
 def _units(mechanism: Mechanism, states: Sequence[State]) -> Units:
     """Return the units of a mechanism, those of SI where its sizes are ordinary; the time is that of its motion."""
     mass, length = sum(body.mass for body in mechanism.bodies), characteristic_length(mechanism)
     with np.errstate(all="ignore"):  # forces in a drawing may overflow
-        pull = applied_wrenches(mechanism, drawing_state(mechanism)).total / (mass * length)
+        pull = applied_wrenches(mechanism, states[0] if states else drawing_state(mechanism)).total / (mass * length)
         pull[:, 3:] /= length
         rates = [np.sqrt(np.abs(pull)), *(s.v_WB_W / length for s in states), *(s.w_WB_W for s in states)]
         fastest = max(float(np.max(np.abs(rate))) for rate in rates)
