@@ -36,6 +36,9 @@ REASONS = {
 """Features of contacts, stops and dry friction that MuJoCo cannot represent, and why."""
 
 STEPS, BOUNCING_STEPS, EXTRAPOLATED_STEPS = (50, 100, 200), (500, 1000, 2000), (5, 10, 20)
+BOUNCING_LOOP_STEPS = (200, 400, 800)
+"""Steps of what bounces and is held by welds, whose iterations and ranks make a step ten times as long."""
+
 HALVINGS = 4
 """Number of motions of an extrapolated one, each with half the step of the one before; its order."""
 _ONLY_EQUALITIES = ["LIMIT", "FRICTIONLOSS"]
@@ -140,7 +143,8 @@ def _motions(mechanism: Mechanism, settings: dict[str, Any], equalities: Equalit
     settings = settings | solver | {"opt.integrator": "RK4"} | _gains(mechanism, bounces)
     if mechanism.contacts:
         settings |= {"opt.impratio": _RATIO, "pair_margin": "the overlap under the normal force at the start"}
-    steps, softness = (BOUNCING_STEPS, 1.0) if bounces else (STEPS, None)
+    bouncing = BOUNCING_LOOP_STEPS if equalities.welds else BOUNCING_STEPS
+    steps, softness = (bouncing, 1.0) if bounces else (STEPS, None)
     yield Method("RK4", Route.TUNED, 1, steps, settings=settings, softness=softness, contact_law=law)
     if mechanism.contacts and not bounces:
         yield Method(

@@ -76,6 +76,23 @@ def test_an_order_that_does_not_settle_is_followed_to_the_end():
     assert scales == [(levels[-1], s) for s in SCALES[Profile.MATCHED]]
 
 
+def test_steps_that_hardly_move_an_answer_are_not_halved_before_softness_is_asked():
+    levels, scales = asked(lambda h, s: 1e-2 * h + 1e-3 * s, soft=True)
+    assert levels == THREE
+    assert scales == [(40, s) for s in SCALES[Profile.MATCHED]]
+
+
+def test_levels_that_have_met_elsewhere_are_not_halved_further():
+    assert asked(lambda h, s: 1e-2 * h + 1e-3)[0] == [*THREE, 80]
+
+
+def test_where_neither_softness_nor_model_is_clear_finer_levels_are_asked_with_softness_of_their_own():
+    # softness moves the answer by less than a quarter of the difference, and steps by less, without an order
+    levels, scales = asked(lambda h, s: 1e-3 + 1e-4 * (s + np.sin(1e6 * h)), soft=True)
+    assert len(levels) > len(THREE)
+    assert scales == [(n, s) for n in (40, levels[-1]) for s in SCALES[Profile.MATCHED]]
+
+
 def test_a_finer_level_has_to_be_afforded():
     assert asked(lambda h, s: 1e-2 * h, cpu=LEVEL_BUDGET / 2.0) == (THREE, [])
 
@@ -152,12 +169,14 @@ def test_longer_steps_are_asked_and_decide_nothing(error, longer):
     assert replace(with_them, coarser=()) == without
 
 
-@pytest.mark.parametrize(("died", "verdict"), [(True, Verdict.UNRESOLVED), (False, Verdict.MODEL)])
-def test_softness_whose_runs_died_is_not_ruled_out(died, verdict):
-    """Levels of order two lead 1e-3 away, and softness does not move them where it can be asked."""
+@pytest.mark.parametrize(
+    ("died", "level", "verdict"), [(True, 2, Verdict.UNRESOLVED), (True, 1, Verdict.MODEL), (False, 2, Verdict.MODEL)]
+)
+def test_softness_whose_runs_died_is_not_ruled_out(died, level, verdict):
+    """Levels of order two lead 1e-3 away, and softness does not move them where it can be asked: at the finest."""
     method = Method("m", Route.NATIVE, 2, tuple(THREE), softness=1.0)
     own = [(h, method) for h in (SAMPLE / n for n in THREE)]
-    soft = [(own[-1][0], replace(method, softness=s)) for s in SCALES[Profile.MATCHED]]
+    soft = [(own[level][0], replace(method, softness=s)) for s in SCALES[Profile.MATCHED]]
     runs = [
         Run("c", "e", Question.TRAJECTORY, how, n, h, Status.ANSWERED, motion(SIZE * SHAPE * (1e-3 + h**2)))
         for n, (h, how) in enumerate([*own, *soft])
@@ -167,7 +186,7 @@ def test_softness_whose_runs_died_is_not_ruled_out(died, verdict):
     truth = Run("c", REFERENCE, Question.TRAJECTORY, Method("r", Route.REFERENCE), 0, None, Status.ANSWERED, TRUE)
     (found,) = (c for c in judge_case(CASE, [truth, *runs]) if c.engine == "e")
     assert found.verdict is verdict
-    assert (found.rule == "softness unclear" and "stepped on nothing" in found.why) == died
+    assert (found.rule == "softness unclear" and "stepped on nothing" in found.why) == (verdict is Verdict.UNRESOLVED)
 
 
 def test_a_rate_beyond_all_steps_is_named():

@@ -95,7 +95,8 @@ def judge_method(case: Case, judge: Judge | None, runs: Sequence[Run]) -> Compar
     if coarser and judge is not None:
         judged = judge_method(case, judge, [r for r in runs if r.level >= 0])
         return replace(judged, coarser=judge.coarser(coarser))
-    levels, softer = [r for r in runs if not _softened(r)], [r for r in runs if _softened(r)]
+    levels = [r for r in runs if not _softened(r)]
+    softer = [r for r in runs if _softened(r) and r.step == levels[-1].step]
     levels = stable_levels(case, levels)
     if judge is None or any(run.status is not Status.ANSWERED for run in levels):
         return _without_answer(case, levels)

@@ -59,7 +59,10 @@ def reference_spread(mechanism: Mechanism, answers: Sequence[TrajectoryAnswer]) 
 
 @dataclass(frozen=True)
 class _Ladder:
-    """Orders of the levels against the reference and among themselves; band of the finest level; Richardson limit."""
+    """Orders of the levels against the reference and among themselves; band of the finest level; Richardson limit.
+
+    `change` is the largest of the last two differences of consecutive levels, infinite with fewer than three levels.
+    """
 
     order: float | None = None
     self_order: float | None = None
@@ -67,6 +70,7 @@ class _Ladder:
     limit: float | None = None
     remains: float = np.inf
     saturation: float = 0.0
+    change: float = np.inf
     spread: float = np.inf
     envelope: float | None = None
     declared: int | None = None
@@ -107,17 +111,19 @@ class _Levels:
             return _Ladder()
         ratio, size = uncertainty.ratio_of(self.steps), self.scales.size
         changes = [difference_over_time(a, b, size)[judged] for a, b in pairwise(self.answers)]
+        largest = [float(np.max(change)) for change in changes]
         chain = self.answers[-3:] if len(self.answers) > 2 else [*self.answers, self.reference]
         found = _Ladder(
             order=uncertainty.finest_order([uncertainty.rms(e[judged]) for e in self.errors], ratio),
             self_order=uncertainty.finest_order([uncertainty.rms(c) for c in changes], ratio),
             limit=self._off(self._limit(declared)),
             saturation=max(saturation(a, b, size, judged) for a, b in pairwise(chain)),
-            spread=_spread([float(np.max(change)) for change in changes]),
-            envelope=uncertainty.envelope([float(np.max(change)) for change in changes], self.steps),
+            change=max(largest[-2:]) if len(largest) > 1 else np.inf,
+            spread=_spread(largest),
+            envelope=uncertainty.envelope(largest, self.steps),
             declared=declared,
         )
-        band = uncertainty.band(float(np.max(changes[-1])), found.settled, declared, ratio, 0.0)
+        band = uncertainty.band(largest[-1], found.settled, declared, ratio, 0.0)
         orders = [declared] if found.settled is None or not found.asymptotic else [declared, found.settled]
         return replace(found, band=band, remains=min(self._off(self._limit(order)) for order in orders))
 
@@ -342,6 +348,10 @@ def coarser_levels(
     return tuple(found)
 
 
+_OPEN = frozenset({"wide band", "impacts unclear", "not asymptotic"})
+"""Rules by which levels differ too much, or are too few, for any cause: a finer level may tell."""
+
+
 @dataclass(frozen=True)
 class Prospect:
     """Effect of further levels of a method on its verdict.
@@ -354,23 +364,31 @@ class Prospect:
         A finer level is expected to agree, to tell steps from model, or to have power.
     rate : float, 1/s
         Rate that no level resolves; zero if the finest level resolves all.
+    steady : bool
+        Whether the last levels differ by less than `softness.EXPLAINED` of what the finest differs from the reference.
+        Errors of order 1/2 in the step, the least that is believed, differ by 0.41 of it: another cause makes most of
+        the difference.
     """
 
     decided: bool
     finer: bool
     rate: float = 0.0
+    steady: bool = False
 
     @classmethod
     @uncertainty.BLOWN_UP
-    def of(cls, mechanism: Mechanism, runs: Sequence[Run], reference_motion: ReferenceMotion) -> Prospect:
-        """Return the prospect of answered levels."""
-        levels = _Levels(mechanism, runs, reference_motion)
+    def of(
+        cls, mechanism: Mechanism, runs: Sequence[Run], reference_motion: ReferenceMotion, softer: Sequence[Run] = ()
+    ) -> Prospect:
+        """Return the prospect of answered levels, and of runs of the finest at other softness if there are any."""
+        levels = _Levels(mechanism, runs, reference_motion, softer)
         evidence = levels.evidence()
         rule, _ = decide(evidence)
         if rule.name == NO_POWER:
             return cls(False, True)  # a finer level has a narrower band
         if rule.verdict is not Verdict.DISCRETISATION:
-            return cls(rule.final, rule.name in ("wide band", "impacts unclear"), evidence.unresolved_rate)
+            steady = levels.ladder.change <= softness.EXPLAINED * evidence.finest
+            return cls(rule.final, rule.name in _OPEN, evidence.unresolved_rate, steady)
         assert evidence.declared is not None
         near = evidence.finest / uncertainty.ratio_of(levels.steps) ** evidence.declared <= evidence.allowed
         return cls(not near, near)

@@ -29,6 +29,7 @@ from consilience.mechanism import Array, Mechanism, PhysicalParameter, State, di
 from consilience.suite.coarser_runs import coarser_runs
 from consilience.suite.perturbed_runs import perturbed_runs, sensitive_parameters
 from consilience.suite.store import Store, StoredAnswer, with_job
+from consilience.suite.thoroughness import FULL, Thoroughness
 
 _LOG = logging.getLogger(__name__)
 
@@ -39,50 +40,6 @@ DISPLACED = 3
 """Number of displaced motions of the reference: a single direction would miss growth in the others."""
 
 _NO_LEVEL = "the method names no substeps and no tolerances: no level to run"
-
-
-@dataclass(frozen=True)
-class Thoroughness:
-    """How many methods, states, samples and levels a suite asks for.
-
-    Attributes
-    ----------
-    methods, reference_methods : int or None
-        Number of methods of an engine, and of the reference, the headline method first; None: all. At states an engine
-        is asked by all of its methods, since they are judged in the light of one another (`compare.other_methods`).
-    states : int or None
-        Largest number of states of the question `instant`.
-    samples : int or None
-        Largest number of sample intervals of a motion.
-    closer : bool
-        Whether to ask for more levels and other softness where three levels decide nothing, and for displaced motions.
-    """
-
-    methods: int | None = None
-    reference_methods: int | None = None
-    states: int | None = None
-    samples: int | None = None
-    closer: bool = True
-
-    def case(self, case: Case) -> Case:
-        """Return the case with as many states and samples as are asked for."""
-        if self.states is not None:
-            case = replace(case, instants=min(case.instants, self.states))
-        if self.samples is not None and len(case.times) > self.samples + 1:
-            case = case.with_span(self.samples * case.sample, None)
-        return case
-
-    def some(self, methods: Sequence[Method], engine: str, question: Question) -> Sequence[Method]:
-        """Return the methods by which a question is asked."""
-        if engine == REFERENCE:
-            return methods[: self.reference_methods]
-        return methods if question.at_states else methods[: self.methods]
-
-
-FULL = Thoroughness()
-
-QUICK = Thoroughness(methods=1, reference_methods=2, states=3, samples=5, closer=False)
-"""Few states, and a short motion by the headline method of each engine: enough to see that something is wrong."""
 
 
 def open_plan(worker: EngineHandle, case: Case) -> Plan | str:
@@ -196,16 +153,40 @@ class EngineCase:
         asked, runs = len(runs), stable_levels(self.case, runs)
         if any(run.answer is None for run in runs):
             return
-        while not (prospect := self._prospect(runs)).decided and (step := self._finer(method, runs, prospect)):
+        yield from self._closer(question, method, runs, asked)
+
+    def _closer(self, question: Question, method: Method, runs: list[Run], asked: int) -> Iterator[Run]:
+        """Ask at finer levels until the verdict is decided, and with other softness.
+
+        Where steps move the answer by a small share of its difference, other softness is asked first.
+
+        Parameters
+        ----------
+        runs : list of Run
+            Answered levels of the last ladder; the finer ones are appended.
+        asked : int
+            Number of the next level.
+        """
+        softer: list[Run] = []
+        while not (prospect := self._prospect(runs, softer)).decided:
+            if prospect.steady and not softer and method.softness is not None:
+                softer = list(self._softer(question, method, runs[-1]))
+                yield from softer
+                continue
+            if (step := self._finer(method, runs, prospect)) is None:
+                break
             runs.append(self._level(question, method, asked, step))
             asked += 1
             yield runs[-1]
             if runs[-1].answer is None:
                 return
-        if method.softness is not None and not prospect.decided:
-            for scale in SCALES[method.profile]:
-                softer = replace(method, softness=scale * method.softness)
-                yield self._level(question, softer, runs[-1].level, runs[-1].step)
+        if not prospect.decided and all(run.step != runs[-1].step for run in softer):
+            yield from self._softer(question, method, runs[-1])
+
+    def _softer(self, question: Question, method: Method, run: Run) -> Iterator[Run]:
+        """Ask at the level of a run with other softness; nothing of a method without one."""
+        for softness in [method.softness * s for s in SCALES[method.profile]] if method.softness is not None else ():
+            yield self._level(question, replace(method, softness=softness), run.level, run.step)
 
     def _level(self, question: Question, method: Method, level: int, step: float | None) -> Run:
         """Ask at one level; for a motion that fails once more, up to the first singular pose of the reference."""
@@ -247,21 +228,21 @@ class EngineCase:
         """Ask for a motion at other samples than those of the case."""
         return self.once(Question.TRAJECTORY, method, level, step, times=times)
 
-    def _prospect(self, runs: Sequence[Run]) -> Prospect:
+    def _prospect(self, runs: Sequence[Run], softer: Sequence[Run] = ()) -> Prospect:
         """Return the effect of more levels; without a reference motion the verdict counts as open."""
         if self.reference_motion is None or not runs[0].question.over_time:
             return Prospect(decided=False, finer=False)
-        return Prospect.of(self.case.mechanism, runs, self.reference_motion)
+        tried = [run for run in softer if run.step == runs[-1].step and run.answer is not None]
+        return Prospect.of(self.case.mechanism, runs, self.reference_motion, tried)
 
     @staticmethod
     def _finer(method: Method, runs: Sequence[Run], prospect: Prospect) -> float | None:
         """Return the next step size; None where a further level would show nothing new or take too long."""
-        last = runs[-1].step
+        last, steps = runs[-1].step, [run.step for run in runs]
         if last is None or not method.substeps or len(runs) >= MOST_LEVELS or not affordable(runs[-1].cpu):
             return None
-        answers = up_to_shortest([run.answer for run in runs])
-        more = prospect.finer or needs_another_level(answers, method, [run.step for run in runs])
-        return last / 2.0 if more else None
+        open_ = not prospect.steady and needs_another_level(up_to_shortest([r.answer for r in runs]), method, steps)
+        return last / 2.0 if prospect.finer or open_ else None
 
     def _displaced(self, method: Method) -> Iterator[Run]:
         """Ask the reference for motions from displaced initial states, for the horizon."""

@@ -25,9 +25,10 @@ from consilience.engine import EngineInfo, Profile, Question, Run, Status, Traje
 from consilience.engine.worker.client import MEMORY, InProcessEngine, Request, Worker, WorkerHandle
 from consilience.errors import ConsilienceError, InvalidInput, require
 from consilience.suite.dense import densely_sampled, finest_motion
-from consilience.suite.engine_runs import FULL, Thoroughness, ask_case
+from consilience.suite.engine_runs import ask_case
 from consilience.suite.other_laws import runs_under_other_laws
 from consilience.suite.store import Store
+from consilience.suite.thoroughness import FULL, Thoroughness
 from consilience.suite.warm_up import compiled, compiled_beside
 
 _LOG = logging.getLogger(__name__)
