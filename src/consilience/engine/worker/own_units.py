@@ -1,8 +1,8 @@
 """Units in which engines compute with matched settings.
 
 Mechanics does not depend on units, but engines have absolute constants: least divisors, regularisations, thresholds of
-solvers. With matched settings a mechanism far from metres, kilograms and seconds is given in units of its own; the
-factors are powers of two, so that nothing is rounded. At its own defaults an engine gets SI units.
+solvers. With matched settings a mechanism of unusual sizes is given in units in which they are usual; the factors are
+powers of two, so that nothing is rounded. At its own defaults an engine gets SI units.
 """
 
 from __future__ import annotations
@@ -28,8 +28,11 @@ from consilience.mechanism import (
 SETTING = "units (m, kg, s)"
 """Setting of a method that lists the sizes of its units."""
 
+USUAL = 0.25, 2.0, 0.125
+"""Usual length, m, mass, kg, and time, s, of a mechanism: absolute constants of engines are made for them."""
+
 ORDINARY = 128.0
-"""Factor on a metre, a kilogram and a second within which sizes of a mechanism are ordinary."""
+"""Factor on usual sizes within which a mechanism has ordinary ones."""
 
 _PHYSICAL = (Question.MODEL, Question.INSTANT, Question.TRAJECTORY)
 
@@ -71,14 +74,15 @@ def _law_in(units: Units, law: ContactLaw | None) -> ContactLaw | None:
 
 
 def _units(mechanism: Mechanism, states: Sequence[State]) -> Units:
-    """Return the units of a mechanism, those of SI where its sizes are ordinary; the time is that of its motion."""
+    """Return units in which the sizes of a mechanism are usual, SI where they are; the time is that of its motion."""
     mass, length = sum(body.mass for body in mechanism.bodies), characteristic_length(mechanism)
     with np.errstate(all="ignore"):  # forces in a drawing may overflow
         pull = applied_wrenches(mechanism, states[0] if states else drawing_state(mechanism)).total / (mass * length)
         pull[:, 3:] /= length
         rates = [np.sqrt(np.abs(pull)), *(s.v_WB_W / length for s in states), *(s.w_WB_W for s in states)]
         fastest = max(float(np.max(np.abs(rate))) for rate in rates)
-    own = own_units(mechanism, 1.0 / fastest if 0.0 < fastest < np.inf else 1.0)
+    to_one = own_units(mechanism, 1.0 / fastest if 0.0 < fastest < np.inf else USUAL[2])
+    own = (size * factor for size, factor in zip(USUAL, to_one, strict=True))
     return Units(*(1.0 if 1.0 / ORDINARY <= factor <= ORDINARY else factor for factor in own))
 
 
