@@ -13,6 +13,7 @@ from consilience.cli.main import app
 from consilience.compare import Power, Verdict
 from consilience.engine import Question
 from consilience.mechanism.perturbation import AXIS, COEFFICIENT, GRAVITY, INERTIA, MASS, PLACE
+from harness import power
 
 CASES = {
     "double_pendulum": {GRAVITY, MASS, INERTIA, PLACE, AXIS},
@@ -84,3 +85,11 @@ def test_random_mechanisms_get_no_false_verdict_and_errors_that_do_not_arrive_ar
     monkeypatch.setattr(false_verdicts, "MOST", 1e12)
     again = list(random_trials(seeds, ["mujoco"]))
     assert [t.right for t in again] == [not t.error for t in found]
+
+
+@pytest.mark.slow
+def test_the_campaign_over_the_library_fails_where_errors_do_not_arrive(monkeypatch):
+    asked = ["double_pendulum", "-e", "pinocchio"]
+    assert power.main(asked) == 0
+    monkeypatch.setattr(stated_power.PlantedEngine, "ask", lambda self, request: self.handle.ask(request))
+    assert power.main(asked) == 1

@@ -130,18 +130,24 @@ def _trials(
     judged: JudgedEngine, question: Question, method: Method, parameters: dict[str, PhysicalParameter]
 ) -> Iterator[PowerTrial]:
     """Yield the trials of one method; none where the correct engine is not passed over."""
-    stated, worker = judged.compared(question, method), judged.asked.worker
+    stated = judged.compared(question, method)
     if stated is None or stated.verdict not in PASSED:
         return
     for power in stated.power:
         for factor in FACTORS if not power.missed else ():
-            planted = PlantedEngine(worker, parameters[power.of], factor * power.limit, worker.engine)
-            found = judged.compared(question, method, planted)
-            assert found is not None
-            yield PowerTrial(
-                *(stated.case, worker.engine, question, method.name, power, factor),
-                *(found.verdict, found.rule, found.why),
-            )
+            yield planted_trial(judged, question, method, power, parameters[power.of], factor)
+
+
+def planted_trial(
+    judged: JudgedEngine, question: Question, method: Method, power: Power, parameter: PhysicalParameter, factor: float
+) -> PowerTrial:
+    """Return the trial of an error of some times the stated size in a parameter."""
+    worker = judged.asked.worker
+    found = judged.compared(question, method, PlantedEngine(worker, parameter, factor * power.limit, worker.engine))
+    assert found is not None
+    return PowerTrial(
+        *(found.case, worker.engine, question, method.name, power, factor), *(found.verdict, found.rule, found.why)
+    )
 
 
 def share(found: Sequence[PowerTrial]) -> float:
