@@ -22,8 +22,7 @@ from consilience.compare.judge import REFERENCE
 from consilience.compare.motion import difference_over_time, size_of_motion
 from consilience.engine import Profile, Question
 from consilience.mechanism import Frame, Initial, Units, in_units
-from consilience.suite import Thoroughness, run_suite
-from consilience.suite.engine_runs import QUICK
+from consilience.suite import QUICK, Thoroughness, run_suite
 
 
 def units_by(*factors):
