@@ -6,6 +6,7 @@ from consilience.engine import Profile, load_engine
 from plateaus import plateaus
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "package", "heading"), [("mujoco", "mujoco", 20.0), ("mujoco", "mujoco", 45.0), ("dart", "dartpy", 30.0)]
 )

@@ -84,6 +84,7 @@ def test_two_versions_answer_and_their_environments_are_built_once(cache):
     assert not [name for name in names if name.startswith(("scipy", "numba", "pydantic", "consilience"))]
 
 
+@pytest.mark.slow
 def test_an_environment_that_was_not_finished_is_built_again(cache, tmp_path, monkeypatch):
     """What is left of it is removed first. A copy of the whole environment stands for what pip would build."""
     with Worker(f"toy@{VERSIONS[0]}") as worker:

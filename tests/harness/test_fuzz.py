@@ -591,6 +591,7 @@ def test_exit_codes(case, honest):
         assert exit_code(campaign) == 3
 
 
+@pytest.mark.slow
 def test_the_command_writes_its_outcome_and_ends_with_the_code(tmp_path):
     app = typer.Typer()
     app.command()(fuzz)

@@ -112,6 +112,7 @@ def test_mutated_frames_are_refused_or_understood(tmp_path):
     campaign()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "step"), [("cases", "examine"), ("reports", "render_markdown"), ("wire", "_sound")])
 def test_an_exception_that_no_user_should_see_fails_the_campaign(kind, step, monkeypatch, tmp_path, report, capsys):
     def stumbles(*_):

@@ -412,6 +412,7 @@ def app():
     return made
 
 
+@pytest.mark.slow
 def test_the_command_checks_engines_in_workers_and_writes_what_it_found(app, tmp_path):
     """Engines: an honest one, one with reactions of wrong sign, one that does not start, one that fails to plan."""
     target = tmp_path / "found.json"

@@ -247,6 +247,7 @@ def test_a_task_without_a_result_is_repeated_and_blamed_on_the_error_alone():
     assert MutantRow(MUTANTS[slow.mutant], NAME, (slow,)).standing is Standing.NOT_JUDGED
 
 
+@pytest.mark.slow
 def test_a_campaign_repeats_what_the_time_limit_ended():
     task = MutationTask("gravity too large", NAME, 1e-2, ("double_pendulum",))
     (found,) = run_campaign([task], [], limit=0.05).outcomes
@@ -368,6 +369,7 @@ def test_the_report_tells_what_was_found(tmp_path):
     assert data["correct_adapters_judged"] == {"dart": 300}
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_report_and_refuses_unknown_names(tmp_path):
     app = typer.Typer()
     app.command()(mutate)

@@ -165,6 +165,7 @@ def test_the_first_failure_can_be_the_last(project):
     result.assert_outcomes(passed=1, failed=1)
 
 
+@pytest.mark.slow
 def test_two_processes_find_what_one_finds(project):
     (project.path / "cases" / "several.toml").write_text(VARIANTS)
     arguments = ("-n", "2", "--dist", "loadfile", "--consilience-effort", "quick", "-k", "instant", "cases")

@@ -28,8 +28,8 @@ CASES = {
     [
         ("double_pendulum", "mujoco"),
         ("double_pendulum", "pinocchio"),
-        ("four_bar", "mujoco"),
-        ("adams_rot_spring", "pinocchio"),
+        pytest.param("four_bar", "mujoco", marks=pytest.mark.slow),
+        pytest.param("adams_rot_spring", "pinocchio", marks=pytest.mark.slow),
     ],
 )
 def test_planted_errors_are_caught_and_passed_as_stated(name, engine):
@@ -67,6 +67,7 @@ def test_the_command_writes_its_table(tmp_path, monkeypatch):
     assert "| e | instant | 1 | 100.0 % |" in (tmp_path / "power.md").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_random_mechanisms_get_no_false_verdict_and_errors_that_do_not_arrive_are_missed(monkeypatch):
     seeds = range(60_001, 60_003)
     found = list(random_trials(seeds, ["mujoco"]))

@@ -48,6 +48,7 @@ def from_origins(name):
     return [np.asarray(origin(CASES[name], derived(CASES[name]))) for origin in ORIGINS.get(name, ())]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name, case in CASES.items() if derived(case)])
 def test_origins_give_the_values_within_their_uncertainty(name):
     asked = derived(CASES[name])

@@ -129,7 +129,8 @@ def wrongly_named(folders):
             if isinstance(node, ast.ImportFrom):
                 names |= {a.asname or a.name for a in node.names if a.name in inner.get(node.module, ())}
                 modules |= {a.asname or a.name: inner.get(f"{node.module}.{a.name}", set()) for a in node.names}
-        yield from (f"{path.relative_to(ROOT)}: {name}" for name in named_by_python(tree, names, modules))
+        if names or any(modules.values()):
+            yield from (f"{path.relative_to(ROOT)}: {name}" for name in named_by_python(tree, names, modules))
 
 
 def test_python_calls_no_kernel_that_only_kernels_may_call():

@@ -2,6 +2,7 @@
 
 import ast
 from collections import defaultdict
+from functools import cache
 from pathlib import Path
 
 SOURCE = Path(__file__).parents[2] / "src" / "consilience"
@@ -38,6 +39,7 @@ def is_name_of_a_type(name):
     return word[:1].isupper() and word != word.upper()
 
 
+@cache
 def homes():
     """Return the modules that define each class or alias."""
     found = defaultdict(list)

@@ -644,10 +644,12 @@ def test_energy_changes_by_the_work_of_dampers_and_loads(formulation):
 # ---------------------------------------------------------------- control of the error
 
 
+SWINGING = chain("revolute", "spherical", "universal", seed=62)
+
+
 @functools.cache
 def swinging(tolerance, samples=2, state=0):
-    mechanism = chain("revolute", "spherical", "universal", seed=62)
-    return simulate(mechanism, states_of(mechanism, 12)[state], np.linspace(0.0, 1.0, samples), tolerance)
+    return simulate(SWINGING, states_of(SWINGING, 12)[state], np.linspace(0.0, 1.0, samples), tolerance)
 
 
 def test_error_is_proportional_to_the_tolerance():

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -65,6 +66,7 @@ _DIMENSIONS: dict[str, tuple[int, int, int]] = {
 """Powers of length, mass and time of the fields of states, answers, and compliances and laws of contact."""
 
 
+@lru_cache(maxsize=64)  # needed in every step of an assembly
 def characteristic_length(mechanism: Mechanism) -> float:
     """Return the longest rod, or arm from a body's origin to its centre of mass or a joint frame, m.
 
