@@ -213,12 +213,12 @@ def write_atomically(path: Path, text: str) -> None:
     temporary.replace(path)
 
 
-def write_record(results: Results, elapsed: float, folder: Path) -> None:
-    """Write ``report.jsonl``, motions as ``runs/*.npz``, and ``replay.json`` to a folder."""
+def write_record(results: Results, elapsed: float, folder: Path, jobs: int = 1) -> None:
+    """Write ``report.jsonl``, motions as ``runs/*.npz``, and, by `jobs` processes, ``replay.json`` to a folder."""
     folder.mkdir(parents=True, exist_ok=True)
     text = "".join(json.dumps(_plain(line), allow_nan=False) + "\n" for line in lines(results, elapsed))
     _write_arrays(results, folder / "runs")
-    write_atomically(folder / NAME, replays(results.cases, results.runs, results.dense))
+    write_atomically(folder / NAME, replays(results.cases, results.runs, results.dense, jobs))
     write_atomically(folder / "report.jsonl", text)
 
 

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
@@ -141,10 +143,22 @@ def _plain(values: Array) -> list[float | None]:
     return [float(f"{v:.5g}") if np.isfinite(v) else None for v in values]
 
 
-def replays(cases: Sequence[Case], runs: Sequence[Run], dense: Mapping[str, TrajectoryAnswer] | None = None) -> str:
-    """Write the text of ``replay.json``: the replays of all cases that can be assembled; `dense` as in `replay_of`."""
-    of_case, dense = grouped((run.case, run) for run in runs), dense or {}
-    found = [
-        replay_of(case, of_case.get(case.name, []), dense.get(case.name)) for case in cases if not case.unassembled
-    ]
+def replays(
+    cases: Sequence[Case], runs: Sequence[Run], dense: Mapping[str, TrajectoryAnswer] | None = None, jobs: int = 1
+) -> str:
+    """Write the text of ``replay.json``: the replays of all cases that can be assembled, made by `jobs` processes.
+
+    `dense` as in `replay_of`.
+    """
+    of_case, dense, drawn = (
+        grouped((run.case, run) for run in runs),
+        dense or {},
+        [c for c in cases if not c.unassembled],
+    )
+    asked = drawn, [of_case.get(case.name, []) for case in drawn], [dense.get(case.name) for case in drawn]
+    if min(jobs, len(drawn)) > 1:
+        with ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
+            found = list(pool.map(replay_of, *asked))
+    else:
+        found = list(map(replay_of, *asked))
     return json.dumps({"format": FORMAT, "cases": found}, allow_nan=False, separators=(",", ":"))

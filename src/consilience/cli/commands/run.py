@@ -102,6 +102,6 @@ def run(
         err.print(f"stopped; answers so far are in {folder}: the same command goes on from there", markup=False)
         raise typer.Exit(130) from None
     store.close()
-    write_record(results, time.perf_counter() - start, folder)
+    write_record(results, time.perf_counter() - start, folder, jobs)
     write_pages(folder)
     raise typer.Exit(state_report(folder, form))
