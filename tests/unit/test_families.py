@@ -47,6 +47,7 @@ KNOWN = {
     "sliding_cube:cone=box": 1e-11,
     "balls_in_line": 1e-11,
     "balls_in_line:balls=2,restitution=0.3,gap=0.3": 1e-11,
+    **{f"balls_in_line:balls={n},restitution={e}": 1e-11 for n in (3, 5) for e in (0.5, 1)},
     "balls_on_box": 1e-11,
     "balls_on_box:rows=1,heading=-100": 1e-11,
 }

@@ -166,7 +166,8 @@ def balls_in_line(
     Returns
     -------
     dict
-        Tables of a case file, with the velocity of the first ball after the only impact, if the balls touch or are two.
+        Tables of a case file, with the velocities of the first and the last ball after the only impact, if the balls touch
+        or are two.
 
     Notes
     -----
@@ -189,8 +190,9 @@ def balls_in_line(
     published = []
     if balls == 2 or gap == 0.0:
         left = speed * (1 - (balls - 1) * restitution) / balls
-        source = "momentum and restitution of balls that touch: (1 - (n - 1) e)/n"
-        published = [known(("body", "ball_1"), "v_WBcm_W", 0.2, left * d, 1e-11, source)]
+        source = "momentum and restitution of balls that touch: (1 - (n - 1) e)/n and (1 + e)/n"
+        after = {names[0]: left, names[-1]: speed * (1 + restitution) / balls}
+        published = [known(("body", name), "v_WBcm_W", 0.2, v * d, 1e-11, source) for name, v in after.items()]
     return case_table(
         f"{balls} balls in a line, gaps of {gap:g} m, restitution {restitution:g}",
         balls_in_line.__doc__ or "",
