@@ -166,8 +166,8 @@ def balls_in_line(
     Returns
     -------
     dict
-        Tables of a case file, with the velocities of the first and the last ball after the only impact, if the balls touch
-        or are two.
+        Tables of a case file, with the velocities of the first and the last ball after the only impact, if the balls
+        touch or are two.
 
     Notes
     -----
