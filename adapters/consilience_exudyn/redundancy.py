@@ -14,6 +14,7 @@ from itertools import combinations
 import numpy as np
 
 from consilience.engine import numerical_rank
+from consilience.errors import CannotAssemble
 from consilience.mechanism import Array, Mechanism, State, initial_state, random_states, spanning_tree
 from consilience_exudyn.maximal import Axes, build, full_axes
 from consilience_exudyn.rows import rows_of
@@ -41,7 +42,7 @@ def independent_axes(mechanism: Mechanism, along: Sequence[State] = ()) -> tuple
     if not optional:
         return full
     drawing = initial_state(mechanism)
-    states = [drawing, *random_states(mechanism, drawing, _STATES, _SEED)]
+    states = [drawing, *_nearby(mechanism, drawing)]
     if min(_ranks(mechanism, states, full)) == equations(full):
         return full
     held = [tuple(0 for _ in axes) if k in optional else axes for k, axes in enumerate(full)]
@@ -55,6 +56,14 @@ def independent_axes(mechanism: Mechanism, along: Sequence[State] = ()) -> tuple
             regular = [s for s, r in zip(states, after, strict=True) if r == max(after)]
             held[k] = _best(mechanism, along or regular, held, k, added)
     return tuple(held)
+
+
+def _nearby(mechanism: Mechanism, drawing: State) -> list[State]:
+    """Return a few states along the branch of the drawing; none of a mechanism that is rigid beside it."""
+    try:
+        return random_states(mechanism, drawing, _STATES, _SEED)
+    except CannotAssemble:
+        return []
 
 
 def equations(held: Sequence[Axes]) -> int:

@@ -24,6 +24,7 @@ from consilience.mechanism import (
     potential_energy,
     rotation_from_quaternion,
 )
+from linkages import platform
 from mechanisms import GRAVITY, LOOPS, TREES, chain, drawn_joint, lumpy_body, rotation, states_of
 
 pytest.importorskip("exudyn")
@@ -236,7 +237,11 @@ def bricard():
 
 @pytest.mark.parametrize(
     ("mechanism", "count"),
-    [(bricard(), 1), *((LOOPS[n], c) for n, c in (("four_bar", 3), ("slider_crank", 3), ("loop_rod", 0)))],
+    [
+        (bricard(), 1),
+        *((LOOPS[n], c) for n, c in (("four_bar", 3), ("slider_crank", 3), ("loop_rod", 0))),
+        (platform(0.8), 7),  # six hinges of four bodies that move in the drawing alone: 30 rows of rank 23 there
+    ],
     ids=lambda value: getattr(value, "name", str(value)),
 )
 def test_dependent_rows_are_left_out_and_named(exudyn_engine, mechanism, count):
