@@ -20,7 +20,7 @@ pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing 
 
 ROOT = Path(__file__).resolve().parents[2]
 MECHANISMS = {next(iter(group)): next(iter(group.values())) for group in (TREES, LOOPS, ELEMENTS)}
-DECORATORS = {"kernel", "inner", "fused", "inlined", "threaded", "allocating", "Operation"}
+DECORATORS = {"kernel", "inner", "fused", "inlined", "threaded", "allocating", "Operation", "allocating_operation"}
 TIMES = np.linspace(0.0, 0.05, 4)
 
 

@@ -65,6 +65,12 @@ def test_motions_from_event_to_event_lie_within_the_band_of_time_stepping(seed):
     assert f"1 of the 1 compared lie within the band; {found.events} events" in summary([found])
 
 
+def test_open_forces_that_come_near_their_bounds_ask_for_no_short_steps():
+    """Forces within a narrow margin move with the mechanism; those of a step go along."""
+    motion, _ = simulate_with_contacts(*random_contacts(128), TIMES, 1e-10, "moreau")
+    assert motion.counters["steps"] < 60
+
+
 def test_a_step_in_which_friction_jams_under_the_rebound_goes_on_without_it():
     """Drift makes a resting contact approach; from event to event it rests."""
     mechanism, start = random_contacts(117)

@@ -34,11 +34,11 @@ def without(kind, monkeypatch):
     """Let a motion miss the events of one kind."""
     values = EventFunctions.at
 
-    def missing(self, t, y, stepper):
-        found, rates = values(self, t, y, stepper)
+    def missing(self, times, states, stepper):
+        found, rates = values(self, times, states, stepper)
         for w, watch in enumerate(self.watches):
             if watch.kind == kind:
-                found[w], rates[w] = watch.scale, 0.0
+                found[:, w], rates[:, w] = watch.scale, 0.0
         return found, rates
 
     monkeypatch.setattr(EventFunctions, "at", missing)

@@ -9,10 +9,13 @@ from consilience.engine import Manifest, Method, Profile, Question, Route
 from consilience.engine.worker.own_units import ORDINARY, SETTING, USUAL, with_units
 from consilience.engine.worker.requests import Request, perform
 from consilience.mechanism import (
+    Body,
     Compliance,
     ContactLaw,
+    Frame,
     Initial,
     JointSpring,
+    Mechanism,
     Units,
     characteristic_length,
     in_units,
@@ -26,6 +29,18 @@ METHODS = (
     Method("its own", Route.NATIVE, 1, (4,), settings={"knob": 1}),
     Method("defaults", Route.NATIVE, 1, (4,), profile=Profile.DEFAULT),
 )
+
+
+def test_arms_of_rounding_are_no_length():
+    """What is left is the radius of gyration."""
+    ball = Body(
+        "ball",
+        2.0,
+        com=np.array([1e-17, 0.0, 0.0]),
+        inertia=2.0 * 0.3**2 * np.eye(3),
+        drawing=Frame(np.zeros(3), np.eye(3)),
+    )
+    assert characteristic_length(Mechanism("ball", np.zeros(3), (ball,), ())) == pytest.approx(0.3, rel=1e-15)
 
 
 class Recorder:

@@ -66,17 +66,23 @@ _DIMENSIONS: dict[str, tuple[int, int, int]] = {
 """Powers of length, mass and time of the fields of states, answers, and compliances and laws of contact."""
 
 
+_ROUNDING = 1e-12
+"""Arms that count as zero, over the radius of gyration."""
+
+
 @lru_cache(maxsize=64)  # needed in every step of an assembly
 def characteristic_length(mechanism: Mechanism) -> float:
     """Return the longest rod, or arm from a body's origin to its centre of mass or a joint frame, m.
 
-    If there is none: the largest radius of gyration of a body about its centre of mass.
+    If there is none but of rounding: the largest radius of gyration of a body about its centre of mass.
     """
     arms = [b.com for b in mechanism.bodies]
     arms += [j.F.p for j in mechanism.joints if j.predecessor != GROUND]
     arms += [j.M.p for j in mechanism.joints if j.successor != GROUND]
     lengths = [float(np.linalg.norm(a)) for a in arms] + [j.length for j in mechanism.joints]
-    return max(lengths) or max(float(np.sqrt(np.linalg.norm(b.inertia, 2) / b.mass)) for b in mechanism.bodies)
+    largest = np.linalg.norm([b.inertia for b in mechanism.bodies], 2, axis=(1, 2))
+    gyration = float(np.sqrt(np.max(largest / [b.mass for b in mechanism.bodies])))
+    return max(lengths) if max(lengths) > _ROUNDING * gyration else gyration
 
 
 def own_units(mechanism: Mechanism, time: float = 1.0) -> Units:

@@ -180,9 +180,13 @@ def _constraint_arrays(mechanism: Mechanism, number: _Numbers) -> dict[str, Arra
     }
 
 
+_SHORTEST_ARM = 1e-14  # m; what is shorter is rounding
+
+
 def _length(joints: tuple[Joint, ...], arrays: dict[str, Array]) -> float:
     arms = [float(np.linalg.norm(a)) for a in (*arrays["arm_i"], *arrays["arm_j"])]
-    return max(*arms, *(j.length for j in joints)) or 1.0
+    longest = max(*arms, *(j.length for j in joints))
+    return longest if longest > _SHORTEST_ARM else 1.0
 
 
 def _counted(coordinate: Array, elements: dict[str, Array]) -> Array:

@@ -36,7 +36,7 @@ def normalise(y: Array, count: int) -> None:
 
 
 @inner
-def _move(y: Array, step: Array) -> None:
+def move_bodies(y: Array, step: Array) -> None:
     """Move all bodies by a small step: ``r += dr``, ``p <- p (1, phi' / 2)``, normalised."""
     for b in range(step.shape[0] // 6):
         for k in range(3):
@@ -108,7 +108,7 @@ def project(model: Model, t: float, y: Array, turns: Array, ws: Workspace) -> No
         least_norm(ws.B, ws.tau, ws.pivot, rank, ws.value, ws.z)
         solve_factor_transposed(model, ws.z)
         last = _largest(ws.z) < 1e-9  # then the change of Q does not matter for the velocities
-        _move(y, ws.z)
+        move_bodies(y, ws.z)
     ws.limit[0] = rows
     violation = _largest(ws.value[:holonomic]) / max(1.0, model.length)
     ws.limit[0] = effective_rank(ws.B, ws.best, factorise(model, ws), violation)

@@ -1,9 +1,6 @@
-"""State derivative with lasting contacts in given modes, compiled; the equations are those of `equations`.
+"""State derivative with lasting contacts in given modes, and projection onto what lasts, compiled.
 
-Calls from Python give the system as an array of words (`mechanism_record`).
-
-Instead of singular values, the basis of the joint rows in the mass metric comes from Gram and Schmidt with pivoting,
-each vector twice, up to the rank of the last projection.
+The equations are those of `equations`. Everything is one kernel, `serve`, which steppers call by address.
 """
 
 from __future__ import annotations
@@ -12,37 +9,58 @@ from typing import NamedTuple
 
 import numpy as np
 
-from consilience.mechanism import RANK_TOLERANCE, Array
+from consilience.mechanism import Array
 from consilience.reference.bodies import constraints, forces
 from consilience.reference.bodies.arrays import Model, Workspace
 from consilience.reference.bodies.forces import control_errors, count_turns
 from consilience.reference.bodies.mass_metric import solve_factor, solve_factor_transposed
 from consilience.reference.bodies.motion import rotations, state_rates
+from consilience.reference.bodies.projection import move_bodies, normalise
+from consilience.reference.contact.algebra import add_row, dot_rows, least_change, project_out, satisfy, solve_small
+from consilience.reference.contact.layout import RowLayout
 from consilience.reference.contact.pairs import RowMotion, move_rows
-from consilience.reference.kernel.compiled import allocating, inner, kernel
-from consilience.reference.kernel.mechanism_record import fields_of
+from consilience.reference.kernel.compiled import allocating, inner
+from consilience.reference.kernel.operation import allocating_operation
+from consilience.reference.kernel.vectors import assign
+from consilience.reference.steppers.motion import DERIVATIVE, END_STEP
 
-RANK = 1e-9
-"""Singular values of the scaled system of given modes below this count as zero: dependent contacts."""
+FORCES, MOVE, RESTRAIN, APPLY, FOLLOW, COLUMNS = range(4, 10)
+"""Requests to `serve`, besides those of `motion`; z is a packed state:
+
+- compute the forces on all rows, out of shape (m,), and the rows;
+- evaluate the rows of contacts;
+- evaluate the rows of joints;
+- evaluate the applied forces, where the rotations are known;
+- replace the joint coordinates by their values;
+- write S and E at the last state, out of shape (2 r m,), see `_columns`.
+"""
+
+_CORRECTIONS = 4
 
 
 class ActiveModes(NamedTuple):
-    """Modes as arrays: c closed normals, s friction sets that act."""
+    """Modes as arrays, of which the first c normals and s friction sets act."""
 
-    normal: Array  # (c,) rows
-    row: Array  # (s, 2) rows; the second -1 for one row
-    load: Array  # (s,) index into `normal`; -1: none
-    offset: Array  # (s,)
-    disc: Array  # (s,) coefficient of a disc that slides; 0: the drag is given
-    heading: Array  # (s, 3) world axes: t1 and t2 turn about the normal as it turns
-    pair: Array  # (s,) whose t1 and t2 are those of a disc
-    slow: Array  # (s,) slip below which the direction is the heading
-    drag: Array  # (s, 2)
-    held: Array  # (s, 2, 2) directions
-    holds: Array  # (s,) number of the directions that are held
-    chosen: Array  # (m,) forces on rows: those that are undetermined are the nearest to them
+    acting: Array  # (2,) c and s
+    normal: Array  # (n_n,) rows
+    gap: Array  # (n_n,) index of each into `RowMotion.gap`
+    row: Array  # (n, 2) rows; the second -1 for one row
+    load: Array  # (n,) index into `normal`; -1: none
+    offset: Array  # (n,)
+    spring: Array  # (n,) part whose spring gives the offset; -1: it is given
+    law: Array  # (n, 2) stiffness and damping of the spring
+    disc: Array  # (n,) coefficient of a disc that slides; 0: the drag is given
+    heading: Array  # (n, 3) world axes: t1 and t2 turn about the normal as it turns
+    pair: Array  # (n,) whose t1 and t2 are those of a disc
+    slow: Array  # (n,) slip below which the direction is the heading
+    drag: Array  # (n, 2)
+    held: Array  # (n, 2, 2) directions
+    holds: Array  # (n,) number of the directions that are held
+    chosen: Array  # (2, m) forces on rows and their rates: those that are undetermined are the nearest to them
+    since: Array  # (1,) time of the chosen forces
     rank: Array  # (1,) limit of the rank of the joint rows
-    owner: Array  # (n,) declared contact of each pair
+    halted: Array  # (m,) 1: the row is at rest, besides what the modes hold
+    owner: Array  # (n_p,) declared contact of each pair
 
 
 class ContactSystem(NamedTuple):
@@ -54,95 +72,53 @@ class ContactSystem(NamedTuple):
     rows: RowMotion  # of the last state
     ws: Workspace
     modes: ActiveModes
+    turns: Array  # (n_q,) joint coordinates that are read, near those of the state
+    mass: float  # of all bodies, kg
+
+
+def room_for_modes(layout: RowLayout, rank: Array) -> ActiveModes:
+    """Allocate the arrays of modes of a layout."""
+    normals, sets, m = len(layout.normals), len(layout.friction) + len(layout.springs), len(layout.names)
+    return ActiveModes(
+        acting=np.zeros(2, dtype=np.int64),
+        normal=np.zeros(normals, dtype=np.int64),
+        gap=np.zeros(normals, dtype=np.int64),
+        row=np.full((sets, 2), -1),
+        load=np.full(sets, -1),
+        offset=np.zeros(sets),
+        spring=np.full(sets, -1),
+        law=np.zeros((sets, 2)),
+        disc=np.zeros(sets),
+        heading=np.zeros((sets, 3)),
+        pair=np.zeros(sets, dtype=np.int64),
+        slow=np.zeros(sets),
+        drag=np.zeros((sets, 2)),
+        held=np.zeros((sets, 2, 2)),
+        holds=np.zeros(sets, dtype=np.int64),
+        chosen=np.zeros((2, m)),
+        since=np.zeros(1),
+        rank=rank,
+        halted=np.zeros(m, dtype=np.int64),
+        owner=layout.site[3 * np.arange(len(layout.parts))],
+    )
 
 
 @inner
-def _dot(a: Array, b: Array) -> float:
-    """Return the scalar product of two arrays."""
-    s = 0.0
-    for i in range(a.shape[0]):
-        s += a[i] * b[i]
-    return s
+def _held_count(modes: ActiveModes) -> int:
+    """Return the number of closed normals and of directions that are held."""
+    count = modes.acting[0]
+    for j in range(modes.acting[1]):
+        count += modes.holds[j]
+    return count
 
 
 @inner
-def _add(into: Array, factor: float, a: Array) -> None:
-    """Compute ``into += factor a``."""
-    for i in range(a.shape[0]):
-        into[i] += factor * a[i]
-
-
-@inner
-def _bring_up(B: Array, R: Array, pivot: Array, k: int) -> float:
-    """Exchange row k of B for the largest of the rows from k on; return its squared norm."""
-    best, most = k, -1.0
-    for c in range(k, B.shape[0]):
-        total = _dot(B[c], B[c])
-        if total > most:
-            best, most = c, total
-    if best != k:
-        pivot[k], pivot[best] = pivot[best], pivot[k]
-        for i in range(B.shape[1]):
-            B[k, i], B[best, i] = B[best, i], B[k, i]
-        for i in range(k):
-            R[i, k], R[i, best] = R[i, best], R[i, k]
-    return most
-
-
-@inner
-def _orthonormal(B: Array, R: Array, pivot: Array, limit: int) -> int:
-    """Orthonormalise rows of B in place, the largest first; return the rank.
-
-    Parameters
-    ----------
-    B : ndarray, shape (q, n)
-    R : ndarray, shape (q, q)
-        Zero; then ``B[pivot[k]] = sum_i R[i, k] b_i`` with the basis b, the first rows of B afterwards.
-    pivot : ndarray of int, shape (q,)
-        0, 1, 2, ...; overwritten.
-    limit : int
-        Upper limit of the rank.
-    """
-    q, first = B.shape[0], 0.0
-    rank = min(limit, B.shape[1], q)
-    for k in range(rank):
-        most = _bring_up(B, R, pivot, k)
-        if k == 0:
-            first = most
-        if most <= RANK_TOLERANCE**2 * first:
-            return k
-        for j in range(k):  # once more against the basis: the row is what rounding has left of it
-            s = _dot(B[j], B[k])
-            R[j, k] += s
-            _add(B[k], -s, B[j])
-        R[k, k] = np.sqrt(_dot(B[k], B[k]))
-        for i in range(B.shape[1]):
-            B[k, i] /= R[k, k]
-        for c in range(k + 1, q):
-            R[k, c] = _dot(B[k], B[c])
-            _add(B[c], -R[k, c], B[k])
-    return rank
-
-
-@inner
-def _project_out(B: Array, rank: int, x: Array) -> None:
-    """Remove from x its part along the basis, twice."""
-    for _ in range(2):
-        for j in range(rank):
-            _add(x, -_dot(B[j], x), B[j])
-
-
-@allocating
-def _satisfy(B: Array, R: Array, pivot: Array, rank: int, gamma: Array, x: Array) -> None:
-    """Replace the part of x along the basis by that of least norm with which the rows have the values gamma."""
-    _project_out(B, rank, x)
-    along = np.zeros(rank)
-    for k in range(rank):
-        s = gamma[pivot[k]]
-        for j in range(k):
-            s -= R[j, k] * along[j]
-        along[k] = s / R[k, k]
-        _add(x, along[k], B[k])
+def _offset(modes: ActiveModes, j: int, rows: RowMotion) -> float:
+    """Return the constant part of the bound of set j: the force ``k (-g) + c (-g')`` of a spring, or given."""
+    k = modes.spring[j]
+    if k < 0:
+        return modes.offset[j]
+    return -modes.law[j, 0] * rows.gap[k] - modes.law[j, 1] * rows.u[3 * k]
 
 
 @inner
@@ -150,7 +126,7 @@ def _drag(modes: ActiveModes, j: int, u: Array, frame: Array) -> tuple[float, fl
     """Return the friction of set j per unit of its bound: that of a disc along its slip, or given."""
     if modes.disc[j] == 0.0:
         return modes.drag[j, 0], modes.drag[j, 1]
-    d0, d1 = _dot(frame[modes.pair[j], 1], modes.heading[j]), _dot(frame[modes.pair[j], 2], modes.heading[j])
+    d0, d1 = dot_rows(frame[modes.pair[j], 1], modes.heading[j]), dot_rows(frame[modes.pair[j], 2], modes.heading[j])
     size = np.sqrt(d0 * d0 + d1 * d1)
     d0, d1 = d0 / size, d1 / size
     u0, u1 = u[modes.row[j, 0]], u[modes.row[j, 1]]
@@ -176,16 +152,16 @@ def _columns(modes: ActiveModes, rows: RowMotion, S: Array, E: Array, constant: 
     S[:, :] = 0.0
     E[:, :] = 0.0
     constant[:] = 0.0
-    for k in range(modes.normal.shape[0]):
+    for k in range(modes.acting[0]):
         S[k, modes.normal[k]] = E[k, modes.normal[k]] = 1.0
-    at = modes.normal.shape[0]
-    for j in range(modes.row.shape[0]):
-        drag, k = _drag(modes, j, rows.u, rows.frame), modes.load[j]
+    at = modes.acting[0]
+    for j in range(modes.acting[1]):
+        drag, k, offset = _drag(modes, j, rows.u, rows.frame), modes.load[j], _offset(modes, j, rows)
         for axis in range(2):
             row = modes.row[j, axis]
             if row < 0:
                 continue
-            constant[row] += modes.offset[j] * drag[axis]
+            constant[row] += offset * drag[axis]
             if k >= 0:
                 S[k, row] += drag[axis]
             for i in range(modes.holds[j]):
@@ -194,96 +170,13 @@ def _columns(modes: ActiveModes, rows: RowMotion, S: Array, E: Array, constant: 
 
 
 @allocating
-def _solve(system: Array, wanted: Array) -> Array:
-    """Solve a small system, of least norm where it is singular."""
-    U, singular, Vt = np.linalg.svd(system)
-    x = np.zeros(wanted.shape[0])
-    for _ in range(2):
-        left = wanted - system @ x
-        for k in range(singular.shape[0]):
-            if singular[k] > RANK * max(1.0, singular[0]):
-                s = 0.0
-                for i in range(left.shape[0]):
-                    s += U[i, k] * left[i]
-                for i in range(x.shape[0]):
-                    x[i] += Vt[k, i] * (s / singular[k])
-    return x
-
-
-@allocating
-def _keep_joints(model: Model, limit: int, ws: Workspace, a: Array, K: Array) -> None:
-    """Let ``L^T a`` satisfy the joints' rows, and remove from rows of K what joints take; rows of joints in ``ws``.
-
-    Parameters
-    ----------
-    model : Model
-    limit : int
-        Upper limit of the rank of the joint rows.
-    ws : Workspace
-    a : ndarray, shape (6 n_b,)
-    K : ndarray, shape (m, 6 n_b)
-    """
-    q = ws.Q.shape[0]
-    B, R, pivot = ws.Q.copy(), np.zeros((q, q)), np.arange(q)
-    for r in range(q):
-        solve_factor(model, B[r])
-    rank = _orthonormal(B, R, pivot, limit)
-    _satisfy(B, R, pivot, rank, ws.gamma, a)
-    for r in range(K.shape[0]):
-        _project_out(B, rank, K[r])
-
-
-@kernel
-def move(words: ContactSystem, y: Array, turns: Array) -> None:
-    """Evaluate the rows of contacts at a state."""
-    system = fields_of(words)
-    rotations(y, system.ws.A)
-    move_rows(system.model, system.pairs, system.limits, y, turns, system.ws.A, system.rows)
-
-
-@kernel
-def apply_forces(words: ContactSystem, t: float, y: Array, turns: Array) -> None:
-    """Evaluate applied forces at a state whose rotations are known."""
-    system = fields_of(words)
-    forces.evaluate(system.model, t, y, turns, system.ws)
-
-
-@kernel
-def restrain(words: ContactSystem, t: float, y: Array, turns: Array) -> None:
-    """Evaluate the rows of joints at a state."""
-    system = fields_of(words)
-    rotations(y, system.ws.A)
-    constraints.evaluate(system.model, t, y, turns, system.ws)
-
-
-@kernel
-def follow_turns(words: ContactSystem, y: Array, turns: Array) -> None:
-    """Replace joint coordinates by their values at a state (`count_turns`)."""
-    system = fields_of(words)
-    count_turns(system.model, y, system.ws, turns)
-
-
-@kernel
-def columns(words: ContactSystem, S: Array, E: Array, constant: Array) -> None:
-    """Write what modes say at the last state, as `_columns`."""
-    system = fields_of(words)
-    _columns(system.modes, system.rows, S, E, constant)
-
-
-@allocating
-def forces_in_modes(words: ContactSystem, t: float, y: Array, turns: Array, a: Array, p: Array) -> None:
-    """Compute rows, accelerations and forces in given modes, as `accelerations`."""
-    accelerations(fields_of(words), t, y, turns, a, p)
-
-
-@allocating
-def accelerations(system: ContactSystem, t: float, y: Array, turns: Array, a: Array, p: Array) -> None:
+def _accelerations(system: ContactSystem, t: float, y: Array, a: Array, p: Array) -> None:
     """Compute rows, accelerations and the forces on all rows in given modes.
 
     Parameters
     ----------
     system : ContactSystem
-    t, y, turns
+    t, y
         As in `constraints.evaluate`.
     a : ndarray, shape (6 n_b,)
         (dv/dt, dw'/dt), overwritten.
@@ -292,8 +185,8 @@ def accelerations(system: ContactSystem, t: float, y: Array, turns: Array, a: Ar
     """
     model, modes, rows, ws = system.model, system.modes, system.rows, system.ws
     rotations(y, ws.A)
-    move_rows(model, system.pairs, system.limits, y, turns, ws.A, rows)
-    forces.evaluate(model, t, y, turns, ws)
+    move_rows(model, system.pairs, system.limits, y, system.turns, ws.A, rows)
+    forces.evaluate(model, t, y, system.turns, ws)
     for i in range(a.shape[0]):
         a[i] = ws.f[i]
     solve_factor(model, a)
@@ -302,15 +195,17 @@ def accelerations(system: ContactSystem, t: float, y: Array, turns: Array, a: Ar
         solve_factor(model, load[r])
         K[r] = load[r]
     if ws.Q.shape[0] > 0:
-        constraints.evaluate(model, t, y, turns, ws)
-        _keep_joints(model, modes.rank[0], ws, a, K)
-    count = modes.normal.shape[0]
-    for j in range(modes.row.shape[0]):
-        count += modes.holds[j]
+        constraints.evaluate(model, t, y, system.turns, ws)
+        B = ws.Q.copy()
+        rank = satisfy(model, B, modes.rank[0], ws.gamma, a)
+        for r in range(p.shape[0]):
+            project_out(B, rank, K[r])
+    count = _held_count(modes)
     S, E = np.zeros((count, p.shape[0])), np.zeros((count, p.shape[0]))
     _columns(modes, rows, S, E, p)
     for k in range(count):
-        _add(p, _dot(E[k], modes.chosen), S[k])
+        near = dot_rows(E[k], modes.chosen[0]) + (t - modes.since[0]) * dot_rows(E[k], modes.chosen[1])
+        add_row(p, near, S[k])
     G = K @ K.T
     free = load @ a + rows.bias + G @ p
     if count > 0:
@@ -318,41 +213,125 @@ def accelerations(system: ContactSystem, t: float, y: Array, turns: Array, a: Ar
         for k in range(count):
             S[k] /= of_row[k]
             E[k] /= of_row[k]
-        x = _solve(E @ (G @ np.ascontiguousarray(S.T)), -(E @ free))
+        x = solve_small(E @ (G @ np.ascontiguousarray(S.T)), -(E @ free))
         for k in range(count):
-            _add(p, x[k], S[k])
+            add_row(p, x[k], S[k])
     for r in range(p.shape[0]):
-        _add(a, p[r], K[r])
+        add_row(a, p[r], K[r])
     solve_factor_transposed(model, a)
 
 
 @allocating
-def rates(words: ContactSystem, t: float, Y: Array, turns: Array, dY: Array) -> None:
-    """Write the derivative of the state, of the impulses of contacts, and of the energy lost.
-
-    Parameters
-    ----------
-    words : ContactSystem
-    t, turns
-        As in `constraints.evaluate`.
-    Y : ndarray
-        Packed state, then impulses (n_c, 3), then the loss.
-    dY : ndarray, shape of Y
-        Overwritten.
-    """
-    system = fields_of(words)
+def _rates(system: ContactSystem, t: float, y: Array, dY: Array) -> None:
+    """Write the derivative of a packed state, of the impulses of contacts and the energy lost over the mass."""
     model, rows = system.model, system.rows
-    bodies = model.mass.shape[0]
-    count = 13 * (bodies + (model.control.shape[0] + 12) // 13)
-    y, dy = Y[:count].reshape(-1, 13), dY[:count].reshape(-1, 13)
-    a, p = np.zeros(6 * bodies), np.zeros(rows.u.shape[0])
-    accelerations(system, t, y, turns, a, p)
+    count = y.shape[0] * y.shape[1]
+    dy = dY[:count].reshape(-1, 13)
+    a, p = np.zeros(6 * model.mass.shape[0]), np.zeros(rows.u.shape[0])
+    _accelerations(system, t, y, a, p)
     dY[count:] = 0.0
     if model.control.shape[0]:
-        control_errors(model, t, y, turns, system.ws, dy)
+        control_errors(model, t, y, system.turns, system.ws, dy)
     state_rates(y, a, dy)
     for k in range(system.pairs.shape[0]):
         for axis in range(3):
+            force = p[3 * k + axis] / system.mass
             for i in range(3):
-                dY[count + 3 * system.modes.owner[k] + i] += p[3 * k + axis] * rows.frame[k, axis, i]
-    dY[dY.shape[0] - 1] = -_dot(p, rows.u)
+                dY[count + 3 * system.modes.owner[k] + i] += force * rows.frame[k, axis, i]
+    dY[dY.shape[0] - 1] = -dot_rows(p, rows.u) / system.mass
+
+
+@inner
+def _evaluate_rows(system: ContactSystem, t: float, y: Array) -> None:
+    """Evaluate the rows of joints and of contacts."""
+    rotations(y, system.ws.A)
+    constraints.evaluate(system.model, t, y, system.turns, system.ws)
+    move_rows(system.model, system.pairs, system.limits, y, system.turns, system.ws.A, system.rows)
+
+
+@allocating
+def _project_position(system: ContactSystem, t: float, y: Array) -> None:
+    """Project positions onto the joints and the closed gaps by steps of least M-norm; evaluate the rows there."""
+    model, modes, rows, ws = system.model, system.modes, system.rows, system.ws
+    q = ws.Q.shape[0] - 2 * model.rolling.shape[0] - model.skate.shape[0]
+    count = q + modes.acting[0]
+    B, wanted = np.zeros((count, ws.Q.shape[1])), np.zeros(count)
+    _evaluate_rows(system, t, y)
+    for _ in range(_CORRECTIONS):
+        most = 0.0
+        for k in range(count):
+            wanted[k] = -(ws.value[k] if k < q else rows.gap[modes.gap[k - q]])
+            most = max(most, abs(wanted[k]))
+        if most <= 2e-16 * max(1.0, model.length):
+            return
+        for k in range(count):
+            assign(B[k], ws.Q[k] if k < q else rows.J[modes.normal[k - q]])
+        move_bodies(y, least_change(model, B, wanted))
+        _evaluate_rows(system, t, y)
+
+
+@allocating
+def _project(system: ContactSystem, t: float, y: Array) -> None:
+    """Project a state onto the joints, closed gaps, sticking and halted rows, in the mass metric; count turns.
+
+    The rank of the joints' rows is determined here, where they hold.
+    """
+    model, modes, rows, ws = system.model, system.modes, system.rows, system.ws
+    normalise(y, model.mass.shape[0])
+    q, m, held = ws.Q.shape[0], rows.J.shape[0], _held_count(modes)
+    count = q + held + np.sum(modes.halted)
+    if count > 0:
+        _project_position(system, t, y)
+        S, E = np.zeros((count - q, m)), np.zeros((count - q, m))
+        _columns(modes, rows, S, E, np.zeros(m))
+        for r in range(m):
+            if modes.halted[r]:
+                E[held, r], held = 1.0, held + 1
+        B, wanted, x = np.zeros((count, ws.Q.shape[1])), np.zeros(count), np.zeros(ws.Q.shape[1])
+        if q > 0:
+            B[:q] = ws.Q
+            modes.rank[0] = satisfy(model, B[:q], q, wanted[:q], x)
+            B[:q] = ws.Q
+        B[q:] = E @ rows.J
+        for b in range(model.mass.shape[0]):
+            for i in range(6):
+                x[6 * b + i] = y[b, 7 + i]
+        wanted[:] = -(B @ x)
+        for k in range(q):
+            wanted[k] += ws.rate[k]
+        x = least_change(model, B, wanted)
+        for b in range(model.mass.shape[0]):
+            for i in range(6):
+                y[b, 7 + i] += x[6 * b + i]
+    count_turns(model, y, ws, system.turns)
+
+
+@allocating_operation
+def serve(system: ContactSystem, request: int, t: float, z: Array, out: Array) -> float:
+    """Answer the requests DERIVATIVE and END_STEP of `motion`, without samples, and those of this module.
+
+    The state z is packed, then impulses (n_c, 3) and the loss, both over the mass of all bodies.
+    """
+    model, rows, ws = system.model, system.rows, system.ws
+    bodies = model.mass.shape[0]
+    y = z[: 13 * (bodies + (model.control.shape[0] + 12) // 13)].reshape(-1, 13)
+    if request == DERIVATIVE:
+        _rates(system, t, y, out)
+    elif request == END_STEP:
+        _project(system, t, y)
+    elif request == FORCES:
+        _accelerations(system, t, y, np.zeros(6 * bodies), out)
+    elif request == COLUMNS:
+        both = out.reshape(2, -1, rows.u.shape[0])
+        _columns(system.modes, rows, both[0], both[1], np.zeros(rows.u.shape[0]))
+    elif request == APPLY:
+        forces.evaluate(model, t, y, system.turns, ws)
+    elif request == FOLLOW:
+        count_turns(model, y, ws, system.turns)
+    else:
+        rotations(y, ws.A)
+        if request == MOVE:
+            move_rows(model, system.pairs, system.limits, y, system.turns, ws.A, rows)
+        else:
+            constraints.evaluate(model, t, y, system.turns, ws)
+    return 0.0

@@ -17,23 +17,25 @@ are reactions of joints follow from the forces of all rows (`joint_friction`).
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from typing import cast
 
 import numpy as np
+import scipy
 
 from consilience.errors import NumericalFailure
 from consilience.mechanism import RANK_TOLERANCE, Array
 from consilience.reference.bodies.arrays import workspace
 from consilience.reference.contact.derivative import (
-    ActiveModes,
+    APPLY,
+    COLUMNS,
+    FOLLOW,
+    FORCES,
+    MOVE,
+    RESTRAIN,
     ContactSystem,
-    apply_forces,
-    columns,
-    follow_turns,
-    forces_in_modes,
-    move,
-    rates,
-    restrain,
+    room_for_modes,
+    serve,
 )
 from consilience.reference.contact.joint_friction import (
     LOCKED,
@@ -44,10 +46,15 @@ from consilience.reference.contact.joint_friction import (
 )
 from consilience.reference.contact.layout import RowLayout
 from consilience.reference.contact.pairs import RowMotion, row_motion
-from consilience.reference.contact.problem import ContactProblem, FrictionSet
+from consilience.reference.contact.problem import ContactProblem
 from consilience.reference.contact.response import HELD, Response
 from consilience.reference.contact.row_modes import RowModes, open_modes
-from consilience.reference.kernel.mechanism_record import record_array, record_of
+from consilience.reference.kernel.mechanism_record import record_of
+from consilience.reference.kernel.operation import BoundOperation
+from consilience.reference.steppers.motion import DERIVATIVE, END_STEP, Kernel
+
+NOTHING = np.zeros(0)
+"""What a request to compiled equations neither reads nor writes."""
 
 _DETERMINED = 1e-9
 """Part of a reaction, over the reaction, that dependent constraints may leave open."""
@@ -71,14 +78,19 @@ class ContactEquations:
         Which compliant contacts carry a force.
     offsets : ndarray, shape (n_f,)
         Constant part of the bound of each friction set at the last state.
+    mass : float, kg
+        Of all bodies: unit of impulses and losses in states that steppers integrate.
+    reacting : bool
+        Whether reactions bound the friction of the modes taken over: `kernel` cannot tell them.
+    kernel : Kernel
+        `derivative.serve`, for steppers.
     """
 
     def __init__(self, layout: RowLayout) -> None:
         self.layout, self.model = layout, layout.model
-        bodies = len(self.model.mass)
-        self._count = 13 * (bodies + (len(self.model.control) + 12) // 13)
+        bodies, m = len(self.model.mass), len(layout.names)
         self._ws = workspace(self.model)
-        self.rows: RowMotion = record_of(row_motion(len(layout.parts), len(layout.limits), len(layout.names), bodies))
+        self.rows: RowMotion = record_of(row_motion(len(layout.parts), len(layout.limits), m, bodies))
         self.rank, self.held = np.array([len(self._ws.Q)]), np.zeros(len(layout.friction))
         self.acting: list[int] = []
         self.pressed = np.zeros(len(layout.springs), dtype=bool)
@@ -86,36 +98,62 @@ class ContactEquations:
         self._laws = [layout.parts[k].compliance for k in layout.springs]
         self._bounded = {3 * k: s for s, k in enumerate(layout.springs)}
         self._reacting = reacting_joints(layout)
+        self.reacting = False
+        self.mass = float(np.sum(self.model.mass))
+        self._modes = record_of(room_for_modes(layout, self.rank))
+        self._turns = np.zeros(len(self.model.coordinate))
+        self._serve = BoundOperation(
+            serve,
+            ContactSystem(
+                *(self.model, layout.pairs, layout.limits, self.rows, self._ws, self._modes, self._turns), self.mass
+            ),
+        )
+        self.kernel = Kernel(*self._serve.addresses)
         self.activate(open_modes(layout))
-        self.inverse = np.zeros((6 * bodies, 6 * bodies))  # L^-1
-        for b in range(bodies):
-            o = 6 * b
-            self.inverse[o : o + 3, o : o + 3] = np.eye(3) / np.sqrt(self.model.mass[b])
-            self.inverse[o + 3 : o + 6, o + 3 : o + 6] = np.linalg.inv(self.model.inertia_factor[b])
+        factors = zip(self.model.mass, self.model.inertia_factor, strict=True)
+        blocks = [part for mass, F in factors for part in (np.eye(3) / np.sqrt(mass), np.linalg.inv(F))]
+        self.inverse = scipy.linalg.block_diag(*blocks)  # L^-1
+
+    def _ask(self, request: int, t: float, y: Array, turns: Array, out: Array = NOTHING) -> None:
+        """Ask the compiled equations at a packed state."""
+        self._turns[:] = turns
+        self._serve(request, t, y.reshape(-1), out)
+
+    def near(self, turns: Array) -> None:
+        """Let the compiled equations count full turns of joint coordinates from these."""
+        self._turns[:] = turns
 
     def move(self, t: float, y: Array, turns: Array) -> RowMotion:
         """Evaluate the rows at a packed state."""
-        move(self._system, y, turns)
+        self._ask(MOVE, t, y, turns)
         return self.rows
 
     def joint_rows(self, t: float, y: Array, turns: Array) -> tuple[Array, Array, Array]:
         """Return Q, the violations and the rates nu of the joints' rows at a packed state."""
-        restrain(self._system, t, y, turns)
+        self._ask(RESTRAIN, t, y, turns)
         return self._ws.Q, self._ws.value, self._ws.rate
 
     def follow(self, y: Array, turns: Array) -> None:
         """Replace the joint coordinates that are read, shape (n_q,), by their values at a packed state."""
-        follow_turns(self._system, y, turns)
+        self._ask(FOLLOW, 0.0, y, turns)
+        turns[:] = self._turns
+
+    def project(self, t: float, Y: Array, turns: Array, halted: Sequence[int] = ()) -> None:
+        """Project a state onto what lasts and rows that have halted (`derivative.serve`), and follow its turns."""
+        self._modes.halted[:] = 0
+        self._modes.halted[list(halted)] = 1
+        self._ask(END_STEP, t, Y, turns)
+        turns[:] = self._turns
 
     def respond(self, t: float, y: Array, turns: Array) -> Response:
         """Evaluate rows, free accelerations and the response to forces on the rows."""
         rows, ws = self.move(t, y, turns), self._ws
-        apply_forces(self._system, t, y, turns)
+        self._ask(APPLY, t, y, turns)
         z, load = self.inverse @ ws.f, self.inverse @ rows.J.T
         pull = float(np.linalg.norm(z))
         K = load
         if len(ws.Q):
-            restrain(self._system, t, y, turns)
+            self._ask(RESTRAIN, t, y, turns)
             U, singular, Vt = np.linalg.svd(self.inverse @ ws.Q.T, full_matrices=False)
             rank = min(int(self.rank[0]), int(np.sum(singular > RANK_TOLERANCE * singular[0])))
             self.U, self.pseudo = U[:, :rank], Vt[:rank].T / singular[:rank]
@@ -249,34 +287,25 @@ class ContactEquations:
             *(K @ K.T, free),
             tuple(layout.names[row] for row in rows),
             tuple(place[n] for n in normals),
-            tuple(_at(layout.friction[j], place, float(self.offsets[j]), normals) for j in sets),
+            tuple(layout.friction[j].among(place, normals, float(self.offsets[j])) for j in sets),
             *(sliding[rows], scale),
         )
         return problem, rows, np.array(sets, dtype=np.int64)
 
     def activate(self, modes: RowModes) -> None:
         """Take over modes for `rates` and `row_forces`."""
-        layout = self.layout
-        normal = [n for n, closed in zip(layout.normals, modes.closed, strict=True) if closed]
+        layout, active = self.layout, self._modes
+        closed = np.flatnonzero(modes.closed)
+        normal = [layout.normals[n] for n in closed]
         self.acting = [j for j, mode in enumerate(modes.friction) if mode is not None]
+        self.reacting = any(j in self._reacting for j in self.acting)
         springs = np.flatnonzero(modes.pressed)
-        sets = len(self.acting) + len(springs)
-        active = ActiveModes(
-            normal=np.array(normal, dtype=np.int64),
-            row=np.full((sets, 2), -1),
-            load=np.full(sets, -1),
-            offset=np.zeros(sets),
-            disc=np.zeros(sets),
-            heading=np.zeros((sets, 3)),
-            pair=np.zeros(sets, dtype=np.int64),
-            slow=np.zeros(sets),
-            drag=np.zeros((sets, 2)),
-            held=np.zeros((sets, 2, 2)),
-            holds=np.zeros(sets, dtype=np.int64),
-            chosen=np.zeros(len(layout.names)),
-            rank=self.rank,
-            owner=layout.site[3 * np.arange(len(layout.parts))],
-        )
+        active.acting[:] = len(normal), len(self.acting) + len(springs)
+        active.normal[: len(normal)], active.gap[: len(normal)] = normal, layout.gaps[closed]
+        for part in (active.disc, active.holds, active.drag, active.held, active.chosen):
+            part[...] = 0
+        for part in (active.row, active.load, active.spring):
+            part[...] = -1
         for k, j in enumerate(self.acting):
             one, mode, heading = layout.friction[j], modes.friction[j], modes.heading[j]
             assert mode is not None
@@ -284,32 +313,33 @@ class ContactEquations:
             active.row[k, :d], active.drag[k, :d], active.holds[k] = one.rows, mode.drag, len(mode.held)
             active.held[k, : len(mode.held), :d] = mode.held
             active.offset[k], active.load[k] = self.offsets[j], normal.index(one.load) if one.load in normal else -1
+            if one.load in self._bounded:
+                self._take_spring(k, self._bounded[one.load])
             if heading is not None and one.is_disc:
-                active.pair[k] = self._pair_of(one)
+                active.pair[k] = cast(int, one.load) // 3
                 active.disc[k], active.slow[k] = one.kinetic, self.held[j]
                 active.heading[k] = heading @ self.rows.frame[active.pair[k], 1:]
         for k, s in enumerate(springs, len(self.acting)):  # the force that a state gives, as one that slides
             active.row[k, 0], active.drag[k, 0] = 3 * layout.springs[s], 1.0
-        self._modes, self._springs = active, springs
-        self._system = record_array(
-            ContactSystem(self.model, layout.pairs, layout.limits, self.rows, self._ws, record_of(active))
-        )
+            self._take_spring(k, int(s))
 
-    def choose(self, force: Array) -> None:
-        """Let forces that the modes taken over leave undetermined be the nearest to others, shape (m,), N (N m)."""
-        self._modes.chosen[:] = force
+    def _take_spring(self, k: int, s: int) -> None:
+        """Let the force of a spring be the offset of a set of the active modes."""
+        law = self._laws[s]
+        self._modes.spring[k], self._modes.law[k] = self.layout.springs[s], (law.stiffness, law.damping)
+
+    def choose(self, t: float, force: Array, rate: Array | float = 0.0) -> None:
+        """Let forces that the modes taken over leave undetermined be the nearest to others, shape (m,), N (N m).
+
+        The others change at a rate, shape (m,), from the time t on.
+        """
+        self._modes.since[0], self._modes.chosen[0], self._modes.chosen[1] = t, force, rate
 
     def columns(self) -> tuple[Array, Array]:
         """Return S and E of the modes taken over, at the last state, shape (m, r) and (r, m); see `problem`."""
-        count = len(self._modes.normal) + int(np.sum(self._modes.holds))
-        S, E = np.zeros((count, len(self.layout.names))), np.zeros((count, len(self.layout.names)))
-        columns(self._system, S, E, np.zeros(len(self.layout.names)))
-        return S.T, E
-
-    def _pair_of(self, one: FrictionSet) -> int:
-        """Return the pair of shapes of the friction of a contact."""
-        assert one.load is not None
-        return one.load // 3
+        both = np.zeros((2, self._modes.acting[0] + int(np.sum(self._modes.holds)), len(self.layout.names)))
+        self._serve(COLUMNS, 0.0, NOTHING, both.reshape(-1))
+        return both[0].T, both[1]
 
     def heading(self, j: int) -> Array:
         """Return the heading of a disc that slides, shape (2,), along the tangents of the last state."""
@@ -328,25 +358,20 @@ class ContactEquations:
                 self._modes.heading[k] = along @ self.rows.frame[self._modes.pair[k], 1:]
 
     def rates(self, t: float, Y: Array, turns: Array) -> Array:
-        """Return the derivative of a state with impulses and loss, in the modes taken over (`derivative.rates`)."""
+        """Return the derivative of a state with impulses and loss, in the modes taken over (`derivative.serve`)."""
         dY = np.zeros_like(Y)
-        self._give(t, Y[: self._count].reshape(-1, 13), turns)
-        rates(self._system, t, Y, turns, dY)
+        if self.reacting:
+            self._give(t, Y, turns)
+        self._ask(DERIVATIVE, t, Y, turns, dY)
         return dY
 
     def _give(self, t: float, y: Array, turns: Array) -> None:
-        """Give the forces of compliant contacts and the bounds that are reactions, in the modes taken over."""
+        """Give the bounds that are reactions, in the modes taken over."""
         reacting = [j for j in self._reacting if j in self.acting]
-        if not len(self._springs) and not reacting:
-            return
-        self.move(t, y, turns)
-        self._given()
-        self._take_offsets()
-        if not reacting:
-            return
         at = [self.acting.index(j) for j in reacting]
-        start, response = self.offsets[reacting], self.respond(t, y, turns)
-        base, slopes = self._forces(t, y, turns), []
+        self._modes.offset[at] = start = self.offsets[reacting]
+        response, slopes = self.respond(t, y, turns), []
+        base = self._forces(t, y, turns)
         for k in at:
             self._modes.offset[k] += 1.0
             slopes.append(self._forces(t, y, turns) - base)
@@ -355,40 +380,15 @@ class ContactEquations:
         if found is None:
             names = ", ".join(self.layout.friction[j].name for j in reacting)
             raise NumericalFailure(f"{names}, t = {t:.12g} s: {LOCKED}")
-        self.offsets[reacting] = found
-        self._take_offsets()
-
-    def _take_offsets(self) -> None:
-        """Take over the bounds of friction and the forces of compliant contacts at the last state."""
-        for k, j in enumerate(self.acting):
-            self._modes.offset[k] = self.offsets[j]
-        for k, s in enumerate(self._springs, len(self.acting)):
-            self._modes.offset[k] = self.spring_force(int(s))
+        self.offsets[reacting] = self._modes.offset[at] = found
 
     def _forces(self, t: float, y: Array, turns: Array) -> Array:
-        a, p = np.zeros(len(self.inverse)), np.zeros(len(self.layout.names))
-        forces_in_modes(self._system, t, y, turns, a, p)
+        p = np.zeros(len(self.layout.names))
+        self._ask(FORCES, t, y, turns, p)
         return p
 
     def row_forces(self, t: float, y: Array, turns: Array) -> Array:
         """Return the forces on all rows at a packed state, in the modes taken over, shape (m,)."""
-        self._give(t, y, turns)
+        if self.reacting:
+            self._give(t, y, turns)
         return self._forces(t, y, turns)
-
-
-def direction(slip: Array, heading: Array, held: float) -> Array:
-    """Return the direction of sliding, shape (2,), continued through zero speed: the side of `heading` is kept.
-
-    Below the speed `held`, m/s, it is the heading: of zero speed rounding would decide.
-    """
-    speed = float(np.hypot(slip[0], slip[1]))
-    if speed <= held:
-        return heading
-    return np.asarray(slip / (speed if slip @ heading >= 0.0 else -speed))
-
-
-def _at(one: FrictionSet, place: dict[int, int], offset: float, normals: list[int]) -> FrictionSet:
-    """Return a friction set with rows renumbered, and the offset that it has; a load that the state gives is in it."""
-    load = place[one.load] if one.load in normals else None
-    rows = tuple(place[r] for r in one.rows)
-    return replace(one, rows=rows, load=load, offset=offset)

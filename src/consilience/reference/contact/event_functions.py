@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from consilience.mechanism import Array
@@ -19,6 +21,15 @@ CLEAR = 1e-2
 
 _RISING = 1e-11
 """Rate of a gap from which it counts, over the speeds of the mechanism."""
+
+
+class _Observed(NamedTuple):
+    """Rows at n states: gaps, rates and forces, and the offsets of friction sets."""
+
+    gap: Array  # (n, n_n + ...) as of `RowMotion`
+    u: Array  # (n, m)
+    force: Array  # (n, m)
+    offset: Array  # (n, n_f)
 
 
 class EventFunctions:
@@ -60,77 +71,100 @@ class EventFunctions:
                     watches.append(Watch("turn", j, speed))
         flying = {w.index for w, armed in zip(self.watches, self.armed, strict=True) if w.kind == "gap" and armed}
         self.watches = watches
-        values, rates = self.at(stepper.t, stepper.y, stepper)
+        values, rates = (part[0] for part in self.at(np.array([stepper.t]), stepper.y[None], stepper))
         self.armed = np.array([v > ARMED * w.scale for v, w in zip(values, watches, strict=True)], dtype=bool)
         noise = ROUNDING * ARMED * np.array([w.scale for w in watches])
         self.armed |= (np.nan_to_num(rates) > _RISING * speed) & (values >= -noise)
         self.armed |= np.array([w.kind == "gap" and w.index in flying for w in watches], dtype=bool) & (values > noise)
 
-    def at(self, t: float, y: Array, stepper: Stepper) -> tuple[Array, Array]:
-        """Return the event functions, and their rates where known (else NaN), at a packed state near the last one."""
-        layout, equations = self._layout, self._equations
-        p = np.zeros(0)
-        if any(w.kind in ("normal", "margin", "group") for w in self.watches):
-            p = equations.row_forces(t, y, stepper.turns)
-        else:
-            equations.move(t, y, stepper.turns)
-        rows = equations.rows
-        values, rates = np.empty(len(self.watches)), np.full(len(self.watches), np.nan)
+    def at(self, times: Array, states: Array, stepper: Stepper) -> tuple[Array, Array]:
+        """Return the event functions, and their rates where known (else NaN), at packed states near the last one.
+
+        Parameters
+        ----------
+        times : ndarray, shape (n,), s
+        states : ndarray, shape (n, ...)
+        stepper : Stepper
+
+        Returns
+        -------
+        values, rates : ndarray, shape (n, n_w)
+        """
+        layout, seen = self._layout, self._observed(times, states, stepper)
+        values, rates = np.empty((2, len(times), len(self.watches)))
+        rates[...] = np.nan
         for w, watch in enumerate(self.watches):
             k = watch.index
             if watch.kind == "gap":
-                values[w], rates[w] = rows.gap[layout.gaps[k]], rows.u[layout.normals[k]]
+                values[:, w], rates[:, w] = seen.gap[:, layout.gaps[k]], seen.u[:, layout.normals[k]]
             elif watch.kind == "normal":
-                values[w] = p[layout.normals[k]]
+                values[:, w] = seen.force[:, layout.normals[k]]
             elif watch.kind in ("touch", "spring"):
-                values[w], rates[w] = self._of_spring(watch.kind, k)
+                values[:, w], rates[:, w] = self._of_spring(watch.kind, k, seen)
             elif watch.kind == "group":
-                values[w] = self._of_group(t, y, stepper, p, watch.scale)
+                values[:, w] = self._of_group(times, states, stepper, seen, watch.scale)
             else:
-                values[w] = self._of_friction(watch.kind, k, stepper, p)
+                values[:, w] = self._of_friction(watch.kind, k, stepper, seen)
         return values, rates
 
-    def _of_spring(self, kind: str, s: int) -> tuple[float, float]:
+    def _observed(self, times: Array, states: Array, stepper: Stepper) -> _Observed:
+        """Return gaps, rates and forces of the rows at states, with the offsets of friction sets."""
+        equations, rows = self._equations, self._equations.rows
+        count, m = len(times), len(self._layout.names)
+        seen = _Observed(*(np.zeros((count, size)) for size in (len(rows.gap), m, m, len(self._layout.friction))))
+        needs_forces = any(w.kind in ("normal", "margin", "group") for w in self.watches)
+        for k, (t, y) in enumerate(zip(times.tolist(), states, strict=True)):
+            if needs_forces:
+                seen.force[k] = equations.row_forces(t, y, stepper.turns)
+                seen.offset[k] = equations.offsets
+            else:
+                equations.move(t, y, stepper.turns)
+            seen.gap[k], seen.u[k] = rows.gap, rows.u
+        return seen
+
+    def _of_spring(self, kind: str, s: int, seen: _Observed) -> tuple[Array, Array]:
         """Return the force of a compliant contact, or its gap; where shapes overlap, by how much it would pull."""
         part = self._layout.springs[s]
-        law, rows = self._layout.parts[part].compliance, self._equations.rows
-        gap, rate = float(rows.gap[part]), float(rows.u[3 * part])
+        law, gap, rate = self._layout.parts[part].compliance, seen.gap[:, part], seen.u[:, 3 * part]
         if kind == "spring":
-            return self._equations.spring_force(s), np.nan if law.damping else -law.stiffness * rate
-        return (gap, rate) if gap > 0.0 else (gap + law.damping / law.stiffness * rate, np.nan)
+            force = -law.stiffness * gap - law.damping * rate
+            return force, -law.stiffness * rate if law.damping == 0.0 else np.full(len(gap), np.nan)
+        apart = gap > 0.0
+        return np.where(apart, gap, gap + law.damping / law.stiffness * rate), np.where(apart, rate, np.nan)
 
-    def _of_group(self, t: float, y: Array, stepper: Stepper, p: Array, scale: float) -> float:
+    def _of_group(self, times: Array, states: Array, stepper: Stepper, seen: _Observed, scale: float) -> Array:
         """Return the margin of forces that are undetermined: the widest, where those that were chosen leave doubt."""
-        least = self._least_margin(stepper.modes, p)
-        if least > CLEAR * scale:
-            return least
-        response, sliding = stepper.respond(t, y), sliding_rates(self._equations, stepper.modes, 0.0)
-        return widest_margin(self._equations, response, stepper.modes, sliding)[0]
+        margin = self._least_margin(stepper.modes, seen.force)
+        for k in np.flatnonzero(margin <= CLEAR * scale):
+            response = stepper.respond(float(times[k]), states[k])
+            sliding = sliding_rates(self._equations, stepper.modes, 0.0)
+            margin[k] = widest_margin(self._equations, response, stepper.modes, sliding)[0]
+        return margin
 
-    def _least_margin(self, modes: RowModes, p: Array) -> float:
-        """Return the least margin of forces on all rows."""
-        margins = [float(p[n]) for n, closed in zip(self._layout.normals, modes.closed, strict=True) if closed]
-        for j, (one, mode) in enumerate(zip(self._layout.friction, modes.friction, strict=True)):
+    def _least_margin(self, modes: RowModes, force: Array) -> Array:
+        """Return the least margin of forces on all rows, shape (n, m), at each state."""
+        margins = [force[:, n] for n, closed in zip(self._layout.normals, modes.closed, strict=True) if closed]
+        for one, mode, offset in zip(self._layout.friction, modes.friction, self._equations.offsets, strict=True):
             if mode is not None and len(mode.held):
-                margins.append(friction_margin(one, mode, p, float(self._equations.offsets[j])))
-        return min(margins)
+                margins.append(friction_margin(one, mode, force, np.full(len(force), offset)))
+        return np.asarray(np.min(margins, axis=0))
 
     def in_doubt(self, stepper: Stepper, clear: float) -> bool:
         """Return whether undetermined forces, as chosen, keep at most a margin, over the forces, now."""
         scales = [watch.scale for watch in self.watches if watch.kind == "group"]
-        return bool(scales) and self._least_margin(stepper.modes, stepper.forces()) <= clear * scales[0]
+        return bool(scales) and self._least_margin(stepper.modes, stepper.forces()[None])[0] <= clear * scales[0]
 
-    def _of_friction(self, kind: str, j: int, stepper: Stepper, p: Array) -> float:
+    def _of_friction(self, kind: str, j: int, stepper: Stepper, seen: _Observed) -> Array:
         one, mode, heading = self._layout.friction[j], stepper.modes.friction[j], stepper.modes.heading[j]
-        slip = self._equations.rows.u[list(one.rows)]
+        slip = seen.u[:, list(one.rows)]
         assert mode is not None
         if kind == "margin":
-            return friction_margin(one, mode, p, float(self._equations.offsets[j]))
+            return friction_margin(one, mode, seen.force, seen.offset[:, j])
         assert heading is not None
         if kind == "slip":
-            return float(heading @ slip)
+            return np.asarray(slip @ heading)
         vertices = one.vertices
         assert vertices is not None
         at = int(np.argmax(vertices @ mode.drag))
         beside = vertices[[at - 1, (at + 1) % len(vertices)]]
-        return float(np.min((vertices[at] - beside) @ -slip))
+        return np.asarray(np.min(-slip @ (vertices[at] - beside).T, axis=1))

@@ -74,27 +74,28 @@ def start_of_slip(one: FrictionSet, mode: FrictionMode | None, force: Array) -> 
     return -middles[int(np.argmax(middles @ T))]
 
 
-def friction_margin(one: FrictionSet, mode: FrictionMode, force: Array, offset: float) -> float:
-    """Return how far the force of a friction set with held directions is from its bound, N (N m).
+def friction_margin(one: FrictionSet, mode: FrictionMode, force: Array, offset: Array) -> Array:
+    """Return how far the forces of a friction set with held directions are from its bound, shape (n,), N (N m).
 
     Parameters
     ----------
     one : FrictionSet
     mode : FrictionMode
         Sticking, or sliding along a facet.
-    force : ndarray, shape (m,)
+    force : ndarray, shape (n, m)
         Of all rows.
-    offset : float
+    offset : ndarray, shape (n,)
         Constant part of the bound, where there is no load; the force of a load includes one that the state gives.
     """
-    T, vertices = force[list(one.rows)], one.vertices
-    bound = offset if one.load is None else float(force[one.load])
+    T, vertices = force[:, list(one.rows)], one.vertices
+    bound = offset if one.load is None else force[:, one.load]
     if mode.reach:
-        return mode.reach * bound - abs(float(mode.held[0] @ T))
+        return np.asarray(mode.reach * bound - np.abs(T @ mode.held[0]))
     if vertices is None or len(one.rows) == 1:
-        return one.static * bound - float(np.linalg.norm(T))
+        return np.asarray(one.static * bound - np.linalg.norm(T, axis=1))
     middles = 0.5 * (vertices + np.roll(vertices, -1, axis=0))
-    return float(np.min(one.static * bound - (middles / np.sum(middles**2, axis=1)[:, None]) @ T))
+    reached = T @ (middles / np.sum(middles**2, axis=1)[:, None]).T
+    return np.asarray(np.min(one.static * bound[:, None] - reached, axis=1))
 
 
 Values = Callable[[Array], tuple[Array, Array]]

@@ -19,6 +19,7 @@ per closed normal and per held direction; columns of normals contain the frictio
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -103,6 +104,11 @@ class FrictionSet:
             return None
         angles = self.angle + 2 * np.pi / self.facets * np.arange(self.facets)
         return np.stack([np.cos(angles), np.sin(angles)], axis=1)
+
+    def among(self, place: Mapping[int, int], normals: Collection[int], offset: float) -> FrictionSet:
+        """Return the set with rows renumbered, and its offset; a load that is none of the normals is in that."""
+        load = place[self.load] if self.load is not None and self.load in normals else None
+        return replace(self, rows=tuple(place[row] for row in self.rows), load=load, offset=offset)
 
     def sticking(self) -> FrictionMode:
         """Mode in which both rows are held."""

@@ -160,7 +160,7 @@ class _ContactSimulation:
         """Take one step, to its first event if there is one."""
         stepper = self.stepper
         self.slips.turn(stepper, self.speed)
-        if self.functions.in_doubt(stepper, CLEAR):
+        if stepper.drifts or self.functions.in_doubt(stepper, CLEAR):
             stepper.choose(chosen_force(self.equations, stepper.respond(stepper.t, stepper.y), stepper.modes))
         within = not self.functions.in_doubt(stepper, 0.0)
         stepper.advance(bound)
@@ -174,9 +174,8 @@ class _ContactSimulation:
         armed = self.functions.armed.copy()
         found = first_zero(self._values, nodes, self.functions.armed, self.functions.watches)
         if found is None:
-            while within and self.functions.in_doubt(stepper, -(CLEAR**4)):
-                stepper.go_back_to(0.5 * (stepper.started + stepper.t), self._halted)
-                self.functions.armed = armed
+            if within and self.functions.in_doubt(stepper, -(CLEAR**4)):
+                stepper.choose_along(chosen_force(self.equations, stepper.respond(stepper.t, stepper.y), stepper.modes))
             self._settle_halted()
             return
         t, w = found
@@ -230,7 +229,8 @@ class _ContactSimulation:
         for _ in range(4):
             if not self.stepper.go_back_to(t, self._halted):
                 return False
-            value = float(self.functions.at(self.stepper.t, self.stepper.y, self.stepper)[0][w])
+            now = np.array([self.stepper.t])
+            value = float(self.functions.at(now, self.stepper.y[None], self.stepper)[0][0, w])
             if rate >= 0.0 or abs(value) <= 1e-16 * self.functions.watches[w].scale:
                 break
             better = t - value / rate
@@ -243,9 +243,7 @@ class _ContactSimulation:
 
     def _values(self, times: Array) -> tuple[Array, Array]:
         """Return the event functions and their rates at times within the last step, each (n_t, n_w)."""
-        states = zip(times, self.stepper.between(times), strict=True)
-        values, rates = zip(*(self.functions.at(float(t), y, self.stepper) for t, y in states), strict=True)
-        return np.array(values), np.array(rates)
+        return self.functions.at(times, self.stepper.between(times), self.stepper)
 
     def _happens(self, watch: Watch) -> None:
         """Draw the consequence of an event, and settle."""

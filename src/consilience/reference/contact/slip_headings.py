@@ -12,7 +12,7 @@ from collections.abc import Collection
 import numpy as np
 
 from consilience.mechanism import Array
-from consilience.reference.contact.equations import ContactEquations, direction
+from consilience.reference.contact.equations import ContactEquations
 from consilience.reference.contact.stepper import Stepper
 
 STILL = 1e-11
@@ -131,3 +131,14 @@ class SlipHeadings:
 def _across(slip: Array, heading: Array) -> float:
     """Return the speed of a slip across a heading, shapes (2,)."""
     return abs(float(heading[0] * slip[1] - heading[1] * slip[0]))
+
+
+def direction(slip: Array, heading: Array, held: float) -> Array:
+    """Return the direction of sliding, shape (2,), continued through zero speed: the side of `heading` is kept.
+
+    Below the speed `held`, m/s, it is the heading: of zero speed rounding would decide.
+    """
+    speed = float(np.hypot(slip[0], slip[1]))
+    if speed <= held:
+        return heading
+    return np.asarray(slip / (speed if slip @ heading >= 0.0 else -speed))

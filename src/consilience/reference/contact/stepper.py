@@ -1,8 +1,9 @@
 """Integration between events, step by step, with dense output; projection of states onto what lasts.
 
-Steps are those of SciPy's Dormand-Prince 8(5,3); where the motion is stiff, of its Radau IIA of order 5. After each
-step positions and velocities are projected, in the mass metric, onto the joints, the gaps of closed contacts and the
-rates of sticking ones. Impulses of contacts and the energy that they lose are integrated along.
+Steps are those of Dormand-Prince 8(5,3), compiled (`steppers.explicit`). Where the motion is stiff they are those of
+SciPy's Radau IIA of order 5; where reactions bound friction, which is not compiled, of its Dormand-Prince 8(5,3). After
+each step positions and velocities are projected, in the mass metric, onto the joints, the gaps of closed contacts and
+the rates of sticking ones. Impulses of contacts and the energy that they lose are integrated along.
 """
 
 from __future__ import annotations
@@ -15,15 +16,37 @@ import numpy as np
 import scipy
 
 from consilience.errors import NumericalFailure
-from consilience.mechanism import RANK_TOLERANCE, Array, State
-from consilience.reference.bodies.arrays import all_rows, holonomic_rows, pack, unpack
+from consilience.mechanism import Array, State
+from consilience.reference.bodies.arrays import pack, unpack
 from consilience.reference.bodies.projection import normalise
 from consilience.reference.contact.equations import ContactEquations
 from consilience.reference.contact.response import Response
 from consilience.reference.contact.row_modes import RowModes
+from consilience.reference.kernel.operation import BoundOperation
+from consilience.reference.steppers.explicit import DOP853, explicit_arrays, step
+from consilience.reference.steppers.motion import (
+    ANGLE,
+    ATTEMPT,
+    DISTANCE,
+    INTEGRAL,
+    INTERPOLATE,
+    PREPARE,
+    SPEED,
+    SPIN,
+    new_motion,
+)
 
 _NUDGE = 1e-6
 """Step of difference quotients by velocities, over the slow slip."""
+
+_SHORTEST = 1e-14
+"""Shortest step, over the time or a second."""
+
+_KINDS = np.repeat([DISTANCE, ANGLE, SPEED, SPIN], [3, 4, 3, 3])
+"""Kinds of the components of a packed body."""
+
+_Dense = Callable[[Array], Array]
+"""States within a step at times (n,), shape (n, n_z)."""
 
 
 class Stepper:
@@ -34,12 +57,14 @@ class Stepper:
     t, started : float, s
         End and start of the last step.
     modes : RowModes
+    longest : float, s
+        Bound on the steps, over which event functions are looked at together.
     slow : float, m/s
         Slip that makes the motion stiff, so that steps are implicit; zero where none does.
+    drifts : bool
+        Whether the forces that are chosen where the modes leave them open change along the last step.
     counters : dict of str to int
         Accepted steps and evaluations of the derivative.
-
-    The longest step, s, bounds how far event functions are looked at together.
     """
 
     def __init__(
@@ -53,28 +78,36 @@ class Stepper:
     ) -> None:
         self.equations, self.modes = equations, modes
         self._layout, self._model = equations.layout, equations.model
-        self._tolerance, self._longest = tolerance, longest
+        self._tolerance, self.longest = tolerance, longest
         self._turns = np.zeros(len(self._model.coordinate))
         self.counters = {"steps": 0, "evaluations": 0}
         y = pack(self._layout.smooth, state)
         self._shape, self._count = y.shape, y.size
-        length, bodies = self._model.length, len(self._model.mass)
+        bodies, length = len(self._model.mass), self._model.length
         contacts = len(self._layout.mechanism.contacts)
-        weight = float(np.sum(self._model.mass)) * max(float(np.linalg.norm(self._model.gravity)), length)
-        sizes = np.tile(np.repeat([length, 1.0, length, 1.0], [3, 4, 3, 3]), self._shape[0])
-        extra = np.append(np.full(3 * contacts, weight), weight * length)
-        self._absolute = tolerance * np.concatenate([sizes, extra])
+        extra = y.size - 13 * bodies + 3 * contacts + 1
+        kind = np.concatenate([np.tile(_KINDS, bodies), np.full(extra, INTEGRAL)])
+        self._absolute = tolerance * np.where(kind == DISTANCE, length, np.where(kind == SPEED, length, 1.0))
+        self._motion = new_motion(kind, length, equations.kernel)
+        self._arrays = explicit_arrays(DOP853, self._motion)
+        self._explicit = BoundOperation(step, self._arrays)
+        self._motion.run[0]["tolerance"] = tolerance
         self._Y = np.concatenate([y.ravel(), np.zeros(3 * contacts + 1)])
         self._bodies, self.t, self.started = bodies, t, t
-        self._h: float | None = None
-        self.slow = 0.0
-        self._pieces: list[tuple[float, Any]] = []
+        self._h = 0.0
+        self.slow, self.drifts, self._chosen = 0.0, False, np.zeros(len(self._layout.names))
+        self._pieces: list[tuple[float, _Dense]] = []
         equations.follow(self.y, self._turns)
         self._restart()
 
     def _restart(self) -> None:
         self._before = (self.t, self._Y.copy(), self._turns.copy())
+        self._forget()
+
+    def _forget(self) -> None:
+        """Forget the derivative at the time t: the equations have changed, or the state."""
         self._solver: Any = None
+        self._arrays.stiffness[0]["knows_end"] = 0
 
     # ------------------------------------------------------------------------------------------------------ states
 
@@ -90,13 +123,13 @@ class Stepper:
 
     @property
     def impulse(self) -> Array:
-        """Impulses of the contacts on their bodies since the start, shape (n_c, 3), N s; a view."""
-        return self._Y[self._count : -1].reshape(-1, 3)
+        """Impulses of the contacts on their bodies since the start, shape (n_c, 3), N s."""
+        return self.equations.mass * self._Y[self._count : -1].reshape(-1, 3)
 
     @property
     def loss(self) -> float:
         """Energy lost since the start, J."""
-        return float(self._Y[-1])
+        return self.equations.mass * float(self._Y[-1])
 
     def state(self) -> State:
         """Return the state at the time t."""
@@ -111,19 +144,19 @@ class Stepper:
 
     def _interpolated(self, times: Array) -> Array:
         """Return states at times within the last step, with impulses and loss, shape (n, ...)."""
-        found = self._pieces[0][1](times).T.copy()
+        found = self._pieces[0][1](times)
         for start, dense in self._pieces[1:]:
-            found[times >= start] = dense(times[times >= start]).T
-        return np.asarray(found)
+            found[times >= start] = dense(times[times >= start])
+        return found
 
     def sample(self, t: float) -> tuple[Array, Array, float, Array]:
         """Return state, impulses, loss and turns within the last step, projected as at its end."""
         if t == self.t:
-            return self.y.copy(), self.impulse.copy(), self.loss, self.turns
+            return self.y.copy(), self.impulse, self.loss, self.turns
         Y, turns = self._interpolated(np.array([t]))[0], self._turns.copy()
-        y = Y[: self._count].reshape(self._shape)
-        self._project(t, y, turns)
-        return y, Y[self._count : -1].reshape(-1, 3), float(Y[-1]), turns
+        self.equations.project(t, Y, turns)
+        y, impulse = Y[: self._count].reshape(self._shape), Y[self._count : -1].reshape(-1, 3)
+        return y, self.equations.mass * impulse, self.equations.mass * float(Y[-1]), turns
 
     def turn(self, heading: tuple[Array | None, ...]) -> None:
         """Continue with other headings of what slides."""
@@ -132,9 +165,15 @@ class Stepper:
 
     def choose(self, force: Array) -> None:
         """Continue with forces near others, shape (m,), where the modes leave them undetermined."""
-        self.equations.choose(force)
-        if self._solver is not None:
-            self._solver.f = self._derivative(self.t, self._Y)
+        self._chosen, self.drifts = force, False
+        self.equations.choose(self.t, force)
+        self._forget()
+
+    def choose_along(self, force: Array) -> None:
+        """Repeat the last step with forces that go to others at its end, shape (m,), along with the time."""
+        self.equations.choose(self.t, force, (force - self._chosen) / (self.t - self.started))
+        self.drifts = True
+        self.go_back_to(self.t, lambda: None)
 
     def forces(self) -> Array:
         """Return the forces on all rows at the time t, shape (m,)."""
@@ -144,24 +183,22 @@ class Stepper:
         """Continue with other velocities (v, w'), shape (6 n_b,), and what an impact adds to impulses and loss."""
         self._Y = self._Y.copy()
         self.y[: self._bodies, 7:13] = velocity.reshape(-1, 6)
-        self.impulse[...] += impulse
-        self._Y[-1] += loss
+        self._Y[self._count : -1] += impulse.ravel() / self.equations.mass
+        self._Y[-1] += loss / self.equations.mass
         self._restart()
 
     def halt(self, rows: Sequence[int]) -> None:
         """Continue with these rows at rest."""
         self._Y = self._Y.copy()
-        Q, _, rate = self.equations.joint_rows(self.t, self.y, self._turns)
-        self.equations.move(self.t, self.y, self._turns)
-        self._project_velocity(self.y, (Q, rate), rows)
+        self.equations.project(self.t, self._Y, self._turns, rows)
         self._restart()
 
     def change_modes(self, modes: RowModes, halted: Sequence[int] = ()) -> None:
         """Continue in other modes, from the state projected onto what lasts in them, and onto rows that have halted."""
-        self.modes = modes
+        self.modes, self.drifts, self._chosen = modes, False, np.zeros(len(self._layout.names))
         self.equations.activate(modes)
         self._Y = self._Y.copy()
-        self._project(self.t, self.y, self._turns, halted)
+        self.equations.project(self.t, self._Y, self._turns, halted)
         self._restart()
 
     # ------------------------------------------------------------------------------------------------------ steps
@@ -200,11 +237,56 @@ class Stepper:
         NumericalFailure
             If the step size falls below the resolution of the time.
         """
+        self._before = (self.t, self._Y, self._turns.copy())
+        dense = self._by_scipy(bound) if self.slow or self.equations.reacting else self._by_kernel(bound)
+        self.started = self._before[0]
+        self._pieces = [(self.started, dense)]
+        self.counters["steps"] += 1
+
+    def _by_kernel(self, bound: float) -> _Dense:
+        """Take a step of the compiled pair; return its dense output."""
+        start, t, run = self._Y, self.t, self._motion.run[0]
+        end, ask = start.copy(), self._explicit
+        run["t"], run["h"], run["span"], run["most"] = t, self._h, bound - t, np.inf
+        evaluations = int(run["evaluations"])
+        self.equations.near(self._turns)
+        ask(PREPARE, t, start, end)
+        planned = float(run["h"])
+        while True:
+            left, h = bound - t, min(float(run["h"]), self.longest)
+            h = left if h >= left else min(h, 0.5 * left)
+            run["step"] = h
+            accepted = ask(ATTEMPT, t, start, end) <= 1.0
+            run["h"] = h * float(run["factor"])
+            if accepted:
+                break
+            run["rejected"] += 1
+            run["most"] = 1.0
+            if not run["h"] >= _SHORTEST * max(1.0, abs(t)):
+                what = "steps fall below what the time resolves"
+                raise NumericalFailure(f"reference with contacts, t = {t:.12g} s: {what}")
+        run["steps"] += 1
+        self.t, self._Y = bound if h == left else t + h, end
+        self.equations.project(self.t, end, self._turns)
+        ask(INTERPOLATE, t, start, end)
+        self._h = max(float(run["h"]), planned) if h == left else float(run["h"])
+        self.counters["evaluations"] += int(run["evaluations"]) - evaluations
+        F = self._arrays.F.copy()
+
+        def dense(times: Array) -> Array:
+            x, total = ((times - t) / h)[:, None], np.zeros((len(times), len(start)))
+            for i in range(len(F) - 1, -1, -1):
+                total = (total + F[i]) * (1.0 - x if i % 2 else x)
+            return start + total
+
+        return dense
+
+    def _by_scipy(self, bound: float) -> _Dense:
+        """Take a step of an integrator of SciPy; return its dense output."""
         method, given = scipy.integrate.DOP853, dict[str, Any]()
         if self.slow:
             method, given = scipy.integrate.Radau, {"jac": self._jacobian}
         if not isinstance(self._solver, method) or self._solver.t_bound != bound:
-            first = None if self._h is None else min(self._h, bound - self.t)
             self._solver = method(
                 self._derivative,
                 self.t,
@@ -212,24 +294,23 @@ class Stepper:
                 bound,
                 rtol=self._tolerance,
                 atol=self._absolute,
-                first_step=first,
-                max_step=self._longest,
+                first_step=min(self._h, bound - self.t) if self._h else None,
+                max_step=self.longest,
                 **given,
             )
         solver = self._solver
-        self._before = (self.t, self._Y, self._turns.copy())
         planned = solver.h_abs
         message = solver.step()
         if solver.status == "failed":
             raise NumericalFailure(f"reference with contacts, t = {solver.t:.12g} s: {message}")
-        self.started, self.t = self._before[0], float(solver.t)
-        self._Y = solver.y.copy()
-        self._project(self.t, self.y, self._turns)
+        self.t, self._Y = float(solver.t), solver.y.copy()
+        self.equations.project(self.t, self._Y, self._turns)
         solver.y = self._Y
         solver.f = self._derivative(solver.t, solver.y)
         self._h = max(solver.h_abs, planned) if solver.status == "finished" else solver.h_abs
-        self._pieces = [(self.started, solver.dense_output())]
-        self.counters["steps"] += 1
+        self._arrays.stiffness[0]["knows_end"] = 0
+        dense = solver.dense_output()
+        return lambda times: dense(times).T.copy()
 
     def go_back_to(self, t: float, ended: Callable[[], object | None]) -> bool:
         """Repeat the last step so that it ends at t, between its start and its end; return whether it does.
@@ -237,77 +318,13 @@ class Stepper:
         It ends before t where `ended` returns something: slip that has stopped has no direction to step on with.
         """
         start, Y, turns = self._before
-        self.t, self._Y, self._turns, self._solver = start, Y.copy(), turns.copy(), None
+        self.t, self._Y, self._turns = start, Y.copy(), turns.copy()
+        self._forget()
         planned, self._h = self._h, t - start
-        pieces: list[tuple[float, Any]] = []
+        pieces: list[tuple[float, _Dense]] = []
         while self.t < t and not (pieces and ended() is not None):
             self.advance(t)
             pieces += self._pieces
-        self._pieces, self._before, self.started, self._solver, self._h = (
-            pieces,
-            (start, Y, turns),
-            start,
-            None,
-            planned,
-        )
+        self._pieces, self._before, self.started = pieces, (start, Y, turns), start
+        self._solver, self._h = None, planned
         return self.t == t
-
-    # ------------------------------------------------------------------------------------------------- projection
-
-    def _project(self, t: float, y: Array, turns: Array, halted: Sequence[int] = ()) -> None:
-        """Project a state onto the joints, closed gaps, sticking and halted rows, in the mass metric; count turns."""
-        inverse, n, holonomic = self.equations.inverse, self._bodies, holonomic_rows(self._model)
-        normalise(y, n)
-        closed = np.flatnonzero(self.modes.closed)
-        normals = np.array(self._layout.normals, dtype=np.int64)[closed]
-        if all_rows(self._model) or len(closed) or any(mode is not None for mode in self.modes.friction):
-            for _ in range(4):
-                Q, value, rate = self.equations.joint_rows(t, y, turns)
-                rows = self.equations.move(t, y, turns)
-                left = np.concatenate([value[:holonomic], rows.gap[self._layout.gaps[closed]]])
-                if not len(left) or np.max(np.abs(left)) <= 2e-16 * max(1.0, self._model.length):
-                    break
-                step = least_change(inverse, np.vstack([Q[:holonomic], rows.J[normals]]), -left)[0]
-                move_bodies(y, step.reshape(-1, 6))
-            else:
-                Q, _, rate = self.equations.joint_rows(t, y, turns)
-                self.equations.move(t, y, turns)
-            self._project_velocity(y, (Q, rate), halted)
-        self.equations.follow(y, turns)
-
-    def _held_rows(self) -> Array:
-        """Return the rows of closed normals and of held friction at the last evaluated state."""
-        J = self.equations.rows.J
-        held = [J[[n for n, closed in zip(self._layout.normals, self.modes.closed, strict=True) if closed]]]
-        for one, mode in zip(self._layout.friction, self.modes.friction, strict=True):
-            if mode is not None and len(mode.held):
-                held.append(mode.held @ J[list(one.rows)])
-        return np.vstack(held)
-
-    def _project_velocity(self, y: Array, joints: tuple[Array, Array], halted: Sequence[int]) -> None:
-        """Project velocities onto rows of joints with their rates, and rows of contacts, evaluated at the positions."""
-        Q, rate = joints
-        if len(Q):
-            self.equations.rank[0] = least_change(self.equations.inverse, Q, np.zeros(len(Q)))[1]
-        held = np.vstack([self._held_rows(), self.equations.rows.J[list(halted)]])
-        both, v = np.vstack([Q, held]), y[: self._bodies, 7:13].ravel()
-        wanted = np.concatenate([rate, np.zeros(len(held))]) - both @ v
-        y[: self._bodies, 7:13] += least_change(self.equations.inverse, both, wanted)[0].reshape(-1, 6)
-
-
-def least_change(inverse: Array, rows: Array, wanted: Array) -> tuple[Array, int]:
-    """Return the change of least M-norm with ``rows x = wanted``, and the rank of the rows."""
-    U, singular, Vt = np.linalg.svd(inverse @ rows.T, full_matrices=False)
-    rank = int(np.sum(singular > RANK_TOLERANCE * singular[0])) if len(singular) else 0
-    along = (Vt[:rank] @ wanted) / singular[:rank]
-    return inverse.T @ (U[:, :rank] @ along), rank
-
-
-def move_bodies(y: Array, step: Array) -> None:
-    """Move all bodies by small steps (displacement, rotation vector in body axes), shape (n_b, 6)."""
-    n = len(step)
-    y[:n, 0:3] += step[:, :3]
-    h, e = 0.5 * step[:, 3:], y[:n, 3:7].copy()
-    y[:n, 3] -= np.sum(e[:, 1:] * h, axis=1)
-    y[:n, 4:7] += e[:, :1] * h + np.cross(e[:, 1:], h)
-    normalise(y, n)

@@ -23,8 +23,9 @@ from itertools import pairwise
 import numpy as np
 
 from consilience.errors import NumericalFailure
-from consilience.mechanism import Array, Mechanism, State
+from consilience.mechanism import RANK_TOLERANCE, Array, Mechanism, State
 from consilience.reference.bodies.arrays import all_rows, holonomic_rows, pack, unpack
+from consilience.reference.bodies.projection import normalise
 from consilience.reference.contact.decision import decide
 from consilience.reference.contact.equations import ContactEquations
 from consilience.reference.contact.joint_friction import with_offsets
@@ -32,7 +33,6 @@ from consilience.reference.contact.layout import layout_of
 from consilience.reference.contact.projections import PATIENT_SWEEPS, SWEEPS, friction_table, project_impulses
 from consilience.reference.contact.response import HELD, Response
 from consilience.reference.contact.search import JammedFriction
-from consilience.reference.contact.stepper import least_change, move_bodies
 
 _PROJECTIONS = 2
 _CLOSED = 1e-13
@@ -109,7 +109,7 @@ class _Scheme:
         equations, y = self.equations, self.y
         middle = y.copy()
         velocity = y[: self.bodies, 7:13].copy()
-        move_bodies(middle, 0.5 * h * velocity)
+        _move_bodies(middle, 0.5 * h * velocity)
         self._project(t + 0.5 * h, middle)
         equations.move(t + 0.5 * h, middle, self._turns)
         equations.press(0.0)
@@ -138,7 +138,7 @@ class _Scheme:
         self._rests = closed & ~parts
         self._p, self.impulse = p, self.impulse + p + h * response.given
         y[: self.bodies, 7:13] = (after + equations.inverse.T @ (response.K.T @ p)).reshape(-1, 6)
-        move_bodies(y, 0.5 * h * (velocity + y[: self.bodies, 7:13]))
+        _move_bodies(y, 0.5 * h * (velocity + y[: self.bodies, 7:13]))
         self._project(t + h, y)
         equations.follow(y, self._turns)
 
@@ -171,6 +171,24 @@ class _Scheme:
         holonomic = holonomic_rows(self._model)
         for _ in range(_PROJECTIONS if all_rows(self._model) else 0):
             Q, value, _ = equations.joint_rows(t, y, self._turns)
-            change, _ = least_change(equations.inverse, Q[:holonomic], -value[:holonomic])
-            move_bodies(y, change.reshape(-1, 6))
-            equations.rank[0] = least_change(equations.inverse, Q, np.zeros(len(Q)))[1]
+            change, _ = _least_change(equations.inverse, Q[:holonomic], -value[:holonomic])
+            _move_bodies(y, change.reshape(-1, 6))
+            equations.rank[0] = _least_change(equations.inverse, Q, np.zeros(len(Q)))[1]
+
+
+def _least_change(inverse: Array, rows: Array, wanted: Array) -> tuple[Array, int]:
+    """Return the change of least M-norm with ``rows x = wanted``, and the rank of the rows."""
+    U, singular, Vt = np.linalg.svd(inverse @ rows.T, full_matrices=False)
+    rank = int(np.sum(singular > RANK_TOLERANCE * singular[0])) if len(singular) else 0
+    along = (Vt[:rank] @ wanted) / singular[:rank]
+    return inverse.T @ (U[:, :rank] @ along), rank
+
+
+def _move_bodies(y: Array, step: Array) -> None:
+    """Move all bodies by small steps (displacement, rotation vector in body axes), shape (n_b, 6)."""
+    n = len(step)
+    y[:n, 0:3] += step[:, :3]
+    h, e = 0.5 * step[:, 3:], y[:n, 3:7].copy()
+    y[:n, 3] -= np.sum(e[:, 1:] * h, axis=1)
+    y[:n, 4:7] += e[:, :1] * h + np.cross(e[:, 1:], h)
+    normalise(y, n)

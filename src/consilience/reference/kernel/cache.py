@@ -18,7 +18,7 @@ _ROOMS = ("kernel", "bodies", "integrators", "steppers", "tree", "formulations",
 
 SOURCES = (
     *(f"reference/{room}/*.py" for room in _ROOMS),
-    *(f"reference/contact/{name}.py" for name in ("pairs", "derivative")),
+    *(f"reference/contact/{name}.py" for name in ("pairs", "algebra", "derivative")),
     *(f"mechanism/{name}.py" for name in ("constraints", "elements")),
 )
 """Patterns of the files that kernels are made of: their own, and those of the constants they take from elsewhere."""

@@ -47,10 +47,10 @@ def _decorator(**options: Any) -> Any:
     return partial(_cached, njit(**options))
 
 
-def compile_operation(function: Callable[..., Any], signature: Any) -> Any:
+def compile_operation(function: Callable[..., Any], signature: Any, makes_arrays: bool) -> Any:
     """Compile a kernel for a signature; return the C function of Numba, which has an address."""
     options = {name: _ALL[name] for name in ("cache", "fastmath", "error_model")}
-    return _cached(cfunc(signature, _nrt=False, **options), function)
+    return _cached(cfunc(signature, _nrt=makes_arrays, **options), function)
 
 
 kernel = _decorator(**_ALL, _nrt=False)

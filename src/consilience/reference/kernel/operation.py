@@ -8,6 +8,7 @@ is compiled once. A call by address takes tens of nanoseconds.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from llvmlite import ir
@@ -32,10 +33,12 @@ class Operation:
     function : callable
         ``f(record, request, t, z, out)`` with a record of `mechanism_record`, the number of what is asked, a time in
         s, and arrays of one dimension, which are read or overwritten; returns a float.
+    allocating : bool
+        Whether it makes arrays.
     """
 
-    def __init__(self, function: Callable[[Any, int, float, Array, Array], float]) -> None:
-        self.function, self.__doc__ = function, function.__doc__
+    def __init__(self, function: Callable[[Any, int, float, Array, Array], float], allocating: bool = False) -> None:
+        self.function, self.allocating, self.__doc__ = function, allocating, function.__doc__
         self._compiled: dict[RecordType, Any] = {}
 
     def address(self, record: Any) -> Any:
@@ -45,8 +48,12 @@ class Operation:
         kind = type_of(record)
         if kind not in self._compiled:
             signature = types.float64(kind, *_OTHERS)
-            self._compiled[kind] = compile_operation(self.function, signature)
+            self._compiled[kind] = compile_operation(self.function, signature, self.allocating)
         return self._compiled[kind].address
+
+
+allocating_operation = partial(Operation, allocating=True)
+"""Decorator of a kernel called by address that makes arrays."""
 
 
 def address_of(record: Any) -> Any:
@@ -89,12 +96,17 @@ class BoundOperation:
     operation : Operation
     record : named tuple
         As `mechanism_record.record_of` takes it.
+
+    Attributes
+    ----------
+    addresses : tuple
+        Of the operation and of the record.
     """
 
     def __init__(self, operation: Operation, record: Any) -> None:
         self._record = record_of(record)
-        self._addresses = operation.address(self._record), address_of(self._record)
+        self.addresses = operation.address(self._record), address_of(self._record)
 
     def __call__(self, request: int, t: float, z: Array, out: Array) -> float:
         """Call the operation; z and out are arrays of floats of one dimension, contiguous."""
-        return float(_call_from_python(*self._addresses, request, t, z, out))
+        return float(_call_from_python(*self.addresses, request, t, z, out))
