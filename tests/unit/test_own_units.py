@@ -9,13 +9,10 @@ from consilience.engine import Manifest, Method, Profile, Question, Route
 from consilience.engine.worker.own_units import ORDINARY, SETTING, USUAL, with_units
 from consilience.engine.worker.requests import Request, perform
 from consilience.mechanism import (
-    Body,
     Compliance,
     ContactLaw,
-    Frame,
     Initial,
     JointSpring,
-    Mechanism,
     Units,
     characteristic_length,
     in_units,
@@ -33,14 +30,11 @@ METHODS = (
 
 def test_arms_of_rounding_are_no_length():
     """What is left is the radius of gyration."""
-    ball = Body(
-        "ball",
-        2.0,
-        com=np.array([1e-17, 0.0, 0.0]),
-        inertia=2.0 * 0.3**2 * np.eye(3),
-        drawing=Frame(np.zeros(3), np.eye(3)),
-    )
-    assert characteristic_length(Mechanism("ball", np.zeros(3), (ball,), ())) == pytest.approx(0.3, rel=1e-15)
+    free = Lab().free_body(2.0, 2.0 * 0.3**2 * np.ones(3), np.zeros(3), ())
+    (body,), (joint,), least = free.bodies, free.joints, np.array([1e-17, 0.0, 0.0])
+    joint = replace(joint, M=replace(joint.M, p=least))
+    ball = replace(free, bodies=(replace(body, com=least),), joints=(joint,))
+    assert characteristic_length(ball) == pytest.approx(0.3, rel=1e-14)
 
 
 class Recorder:
