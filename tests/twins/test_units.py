@@ -149,6 +149,7 @@ def test_a_case_in_other_units_has_the_same_verdicts_and_digits(name):
     [
         ("double_pendulum", ["pinocchio", "dart", "exudyn"]),
         ("four_bar", ["pinocchio", "exudyn", "mujoco"]),  # engines solve loops with absolute constants
+        ("ball_rolls", ["pinocchio", "exudyn"]),  # and contacts
     ],
 )
 def test_instants_on_engines_do_not_depend_on_units(name, engines):
