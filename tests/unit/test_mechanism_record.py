@@ -9,7 +9,7 @@ import pytest
 
 from consilience.reference.kernel.compiled import inner, kernel
 from consilience.reference.kernel.mechanism_record import fields_of, record_array, record_of
-from consilience.reference.kernel.operation import Operation, address_of, call
+from consilience.reference.kernel.operation import Operation, address_of, array_of, call
 
 pytestmark = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
 
@@ -152,8 +152,9 @@ def test_fields_that_no_kernel_can_read_are_refused(field):
 
 def linear(record, request, t, z, out):
     """Compute ``out = request factor z + t``; return the sum of a field."""
-    for n in range(z.shape[0]):
-        out[n] = request * record.inner.factor * z[n] + t
+    given, found = array_of(z), array_of(out)
+    for n in range(given.shape[0]):
+        found[n] = request * record.inner.factor * given[n] + t
     return record.first[0] + record.first[1]
 
 

@@ -12,7 +12,7 @@ from consilience.reference.steppers.driver import MotionRequest, counts_of, run
 from consilience.reference.tree.records import LARGEST_ORDER
 from consilience.reference.tree.solver import _prepare
 from consilience.reference.tree.state import pack_state
-from consilience.reference.tree.taylor import order_for
+from consilience.reference.tree.taylor import LOWEST_ORDER, order_for
 from consilience.reference.tree.taylor_rows import LINE, LOCK, PIN
 from flat import PLANAR
 from mechanisms import states_of
@@ -111,6 +111,17 @@ def test_order_grows_with_the_digits():
     for digits in range(3, 15):
         cheapest = orders[np.argmin(orders * 10.0 ** (digits / orders))]
         assert cheapest <= order_for(10.0**-digits) <= cheapest + 2
+
+
+@pytest.mark.parametrize(("name", "end"), [("single_prismatic", 2.0), ("double_pendulum", 1e-3)])
+def test_a_series_ends_at_the_lowest_order_that_reaches_the_end(name, end):
+    """A fall is a polynomial; a swing of a millisecond needs few terms, too."""
+    case = load_case(name)
+    asked = case.mechanism, case.initial_state, np.linspace(0.0, end, 5)
+    found, fine = simulate(*asked, 1e-12, "relative", "taylor"), simulate(*asked, 1e-14, "relative", "gauss")
+    assert (found.counters["steps"], found.counters["evaluations"]) == (1, LOWEST_ORDER)
+    for field in ("p_WB", "v_WB_W", "w_WB_W"):
+        np.testing.assert_allclose(getattr(found, field), getattr(fine, field), rtol=0, atol=1e-13)
 
 
 def test_another_integrator_takes_motions_through_poses_that_lose_rank():

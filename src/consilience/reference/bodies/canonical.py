@@ -19,11 +19,20 @@ def sample_times(times: ArrayLike) -> Array:
     InvalidInput
     """
     found = np.asarray(times, dtype=float)
-    # increasing times are finite if the first and the last are
-    sound = found.ndim == 1 and len(found) > 0 and -np.inf < found[0] and found[-1] < np.inf
-    if not sound or np.count_nonzero(found[1:] > found[:-1]) < len(found) - 1:
+    if found.ndim != 1 or not _increase(found):
         raise InvalidInput("times", "they do not increase", "Give finite, increasing sample times.")
     return found
+
+
+@kernel
+def _increase(times: Array) -> bool:
+    """Return whether there are times, finite and increasing; in NumPy this takes as long as a short motion."""
+    last = -np.inf
+    for n in range(times.shape[0]):
+        if not last < times[n]:
+            return False
+        last = times[n]
+    return -np.inf < last < np.inf
 
 
 def at_origins(mechanism: Mechanism, y: Array, a: Array) -> tuple[Array, Array]:

@@ -94,7 +94,7 @@ def _joint_row(kind: int, target: float, pitch: float, motion: FrameMotion) -> t
     return axis[k] - target, cross(w, axis)[k]
 
 
-@inner
+@fused
 def _joints(model: Model, y: Array, A: Array, length: float, found: Array) -> int:
     """Compare the rows of joints; return the index of the next row."""
     speed = found[SPEED]
@@ -129,7 +129,7 @@ def _with_turns(model: Model, n: int, value: float, near: float) -> float:
     return value if at.kind == DISTANCE or model.pitch[at.joint] != 0.0 else full_turns(value, near)
 
 
-@inner
+@fused
 def _drives(model: Model, t: float, y: Array, A: Array, length: float, first: int, found: Array) -> int:
     """Compare the rows of drives, `first` and on; return the index of the next row."""
     for n in range(model.drive.shape[0]):
@@ -143,7 +143,7 @@ def _drives(model: Model, t: float, y: Array, A: Array, length: float, first: in
     return first + model.drive.shape[0]
 
 
-@inner
+@fused
 def _couplings(model: Model, y: Array, A: Array, dt: float, length: float, first: int, found: Array) -> int:
     """Compare the rows of couplings; return the index of the next row.
 
@@ -174,7 +174,7 @@ def _couplings(model: Model, y: Array, A: Array, dt: float, length: float, first
     return first + model.coupling.shape[0]
 
 
-@inner
+@fused
 def _contacts(model: Model, y: Array, A: Array, length: float, first: int, found: Array) -> None:
     """Compare the rows of rolling bodies and skates."""
     count = model.rolling.shape[0]
@@ -193,7 +193,7 @@ def _contacts(model: Model, y: Array, A: Array, length: float, first: int, found
         _compare(found, first + 3 * count + n, VELOCITY, dot(lateral, add(v, cross(w, s))), found[SPEED])
 
 
-@inner
+@fused
 def _compare_by(model: Model, t: float, dt: float, y: Array, A: Array, length: float, found: Array) -> None:
     """Compare all rows of a state with the sizes that follow from a length and the fastest motion so far."""
     row = _joints(model, y, A, length, found)

@@ -20,7 +20,7 @@ from consilience.reference.contact.algebra import add_row, dot_rows, least_chang
 from consilience.reference.contact.layout import RowLayout
 from consilience.reference.contact.pairs import RowMotion, move_rows
 from consilience.reference.kernel.compiled import allocating, inner
-from consilience.reference.kernel.operation import allocating_operation
+from consilience.reference.kernel.operation import allocating_operation, array_of
 from consilience.reference.kernel.vectors import assign
 from consilience.reference.steppers.motion import DERIVATIVE, END_STEP
 
@@ -312,17 +312,18 @@ def serve(system: ContactSystem, request: int, t: float, z: Array, out: Array) -
 
     The state z is packed, then impulses (n_c, 3) and the loss, both over the mass of all bodies.
     """
+    state, result = array_of(z), array_of(out)
     model, rows, ws = system.model, system.rows, system.ws
     bodies = model.mass.shape[0]
-    y = z[: 13 * (bodies + (model.control.shape[0] + 12) // 13)].reshape(-1, 13)
+    y = state[: 13 * (bodies + (model.control.shape[0] + 12) // 13)].reshape(-1, 13)
     if request == DERIVATIVE:
-        _rates(system, t, y, out)
+        _rates(system, t, y, result)
     elif request == END_STEP:
         _project(system, t, y)
     elif request == FORCES:
-        _accelerations(system, t, y, np.zeros(6 * bodies), out)
+        _accelerations(system, t, y, np.zeros(6 * bodies), result)
     elif request == COLUMNS:
-        both = out.reshape(2, -1, rows.u.shape[0])
+        both = result.reshape(2, -1, rows.u.shape[0])
         _columns(system.modes, rows, both[0], both[1], np.zeros(rows.u.shape[0]))
     elif request == APPLY:
         forces.evaluate(model, t, y, system.turns, ws)

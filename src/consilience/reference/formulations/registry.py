@@ -168,6 +168,8 @@ def unsupported(name: str, mechanism: Mechanism) -> tuple[Unsupported, ...]:
 
 
 def _contacts(mechanism: Mechanism) -> tuple[Unsupported, ...]:
+    if not (mechanism.contacts or mechanism.stops or mechanism.dry_frictions):
+        return ()
     names = [f"contact '{c.name}'" for c in mechanism.contacts] + [f"stop '{s.name}'" for s in mechanism.stops]
     names += [f"dry friction '{d.name}'" for d in mechanism.dry_frictions]
     return tuple(Unsupported(name, _SMOOTH) for name in names[:1])

@@ -165,9 +165,8 @@ class MechanismRecord:
     words : list of int
     """
 
-    __slots__ = ("_memory", "_tuple", "address", "numba_type", "words")
-
-    def __init__(self, fields: tuple[Any, ...]) -> None:
+    def __init__(self, fields: Any) -> None:
+        self.__dict__.update(fields._asdict())  # `__getattr__` alone would take longer than what is read
         self.numba_type = type_of(fields)
         self._tuple, self.words = fields, _words(fields)
         self._memory = np.array(self.words, dtype=np.int64)
@@ -229,14 +228,14 @@ def _field(context: Any, builder: Any, kind: RecordType, address: Any, field: st
     if isinstance(wanted, types.NoneType):
         return context.get_dummy_value()
     if isinstance(wanted, types.Array):
-        return _array(context, builder, wanted, load)
+        return array_from_words(context, builder, wanted, load)
     if wanted == types.boolean:
         return builder.trunc(load(0, context.get_value_type(types.int64)), context.get_value_type(types.boolean))
     return load(0, context.get_value_type(wanted))
 
 
-def _array(context: Any, builder: Any, kind: types.Array, load: Any) -> Any:
-    """Generate an array without ownership from the words that `load` returns."""
+def array_from_words(context: Any, builder: Any, kind: types.Array, load: Any) -> Any:
+    """Generate an array without ownership from the words that ``load(n, type)`` returns."""
     array, size = context.make_array(kind)(context, builder), context.get_value_type(types.intp)
     item, lengths = context.get_data_type(kind.dtype), types.UniTuple(types.intp, kind.ndim)
     shape = [load(1 + n, size) for n in range(kind.ndim)]

@@ -2,7 +2,8 @@
 
 A kernel that names another one contains its machine code, for each type of its arguments. An integrator that named the
 kernels of a mechanism would be compiled with them for each type of mechanism; it is given their addresses instead, and
-is compiled once. A call by address takes tens of nanoseconds.
+is compiled once. A call by address takes some nanoseconds, as long as its arguments fit into registers: an array is
+passed as its address and length, from which the kernel called makes the array again (`array_of`).
 """
 
 from __future__ import annotations
@@ -13,13 +14,28 @@ from typing import Any
 
 from llvmlite import ir
 from numba import config, types
-from numba.extending import intrinsic, overload
+from numba.extending import intrinsic, models, overload, register_model
 
 from consilience.mechanism import Array
 from consilience.reference.kernel.compiled import compile_operation, kernel
-from consilience.reference.kernel.mechanism_record import RecordType, record_of, type_of
+from consilience.reference.kernel.mechanism_record import RecordType, array_from_words, record_of, type_of
 
-_VECTOR = types.Array(types.float64, 1, "C")
+_ARRAY = types.Array(types.float64, 1, "C")
+
+
+class _VectorType(types.Type):  # type: ignore[misc]
+    """Numba type of a contiguous array of floats, passed as its address and length."""
+
+
+@register_model(_VectorType)
+class _Vector(models.StructModel):  # type: ignore[misc]
+    """Numba's data model of a vector."""
+
+    def __init__(self, manager: Any, kind: _VectorType) -> None:
+        super().__init__(manager, kind, [("data", types.CPointer(types.float64)), ("size", types.intp)])
+
+
+_VECTOR = _VectorType("Vector")
 
 _OTHERS = types.int64, types.float64, _VECTOR, _VECTOR
 """Types of the arguments behind the record."""
@@ -32,7 +48,8 @@ class Operation:
     ----------
     function : callable
         ``f(record, request, t, z, out)`` with a record of `mechanism_record`, the number of what is asked, a time in
-        s, and arrays of one dimension, which are read or overwritten; returns a float.
+        s, and two arguments of which `array_of` makes arrays of one dimension, which are read or overwritten; returns
+        a float.
     allocating : bool
         Whether it makes arrays.
     """
@@ -56,6 +73,25 @@ allocating_operation = partial(Operation, allocating=True)
 """Decorator of a kernel called by address that makes arrays."""
 
 
+def _array_itself(vector: Array) -> Array:
+    return vector
+
+
+@intrinsic
+def _array(context: Any, vector: Any) -> tuple[Any, Any]:
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        item = context.get_constant(types.intp, 8)
+        words = builder.extract_value(arguments[0], 0), builder.extract_value(arguments[0], 1), item
+        return array_from_words(context, builder, _ARRAY, lambda n, _: words[n])
+
+    return _ARRAY(vector), generate
+
+
+# without reference counting no function returns an array that it is not given: hence no overload
+array_of = _array_itself if config.DISABLE_JIT else _array
+"""Return, in a kernel called by address, the array of an argument."""
+
+
 def address_of(record: Any) -> Any:
     """Return the address of a record of `record_of`; the tuple itself where Numba is disabled."""
     return record if config.DISABLE_JIT else record.address
@@ -69,13 +105,19 @@ def call(operation: Any, record: Any, request: int, t: float, z: Array, out: Arr
 @intrinsic
 def _call(context: Any, operation: Any, record: Any, request: Any, t: Any, z: Any, out: Any) -> tuple[Any, Any]:
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        function, record, *others = values
+        function, record, request, t, *arrays = values
         address = context.get_value_type(types.voidptr)
-        kinds = [address, *map(context.get_value_type, signature.args[2:])]
+        kinds = [address, *map(context.get_value_type, _OTHERS)]
         pointer = ir.FunctionType(context.get_value_type(signature.return_type), kinds).as_pointer()
-        return builder.call(builder.inttoptr(function, pointer), [builder.inttoptr(record, address), *others])
+        vectors = []
+        for given in arrays:
+            array = context.make_array(_ARRAY)(context, builder, given)
+            vector = builder.insert_value(ir.Constant(kinds[-1], ir.Undefined), array.data, 0)
+            vectors.append(builder.insert_value(vector, array.nitems, 1))
+        record = builder.inttoptr(record, address)
+        return builder.call(builder.inttoptr(function, pointer), [record, request, t, *vectors])
 
-    return types.float64(operation, record, *_OTHERS), generate
+    return types.float64(operation, record, types.int64, types.float64, _ARRAY, _ARRAY), generate
 
 
 @overload(call, jit_options={"forceinline": True})  # inlined by LLVM: see `mechanism_record.fields_of`

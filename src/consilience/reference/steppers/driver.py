@@ -33,9 +33,6 @@ from consilience.reference.steppers.motion import (
     step_length,
 )
 
-_COUNTERS = ("steps", "rejected", "evaluations")
-"""Last fields of RUN, which answers report."""
-
 
 class CompiledStepper(NamedTuple):
     """A compiled integrator: a row in a table of integrators."""
@@ -118,8 +115,8 @@ def run(integration: Integration, request: MotionRequest, samples: Array, stop_i
 
 def counts_of(run: Array) -> dict[str, int | float]:
     """Return the numbers of accepted steps, rejected steps and evaluations of a run, shape (1,)."""
-    (fields,) = run.tolist()
-    return dict(zip(_COUNTERS, fields[-len(_COUNTERS) :], strict=True))
+    *_, steps, rejected, evaluations = run.item()
+    return {"steps": steps, "rejected": rejected, "evaluations": evaluations}
 
 
 @inner

@@ -25,7 +25,7 @@ from consilience.reference.integrators.coefficients import DORMAND_PRINCE, STAGE
 from consilience.reference.integrators.step_control import LARGEST, UNSUITABLE, factor_of
 from consilience.reference.integrators.tsitouras import TSITOURAS
 from consilience.reference.kernel.compiled import inlined, inner, kernel
-from consilience.reference.kernel.operation import Operation
+from consilience.reference.kernel.operation import Operation, array_of
 from consilience.reference.kernel.record_type import INT, record_type
 from consilience.reference.kernel.vectors import assign
 from consilience.reference.steppers.driver import CompiledStepper
@@ -238,14 +238,15 @@ def _interpolate(arrays: ExplicitArrays, t: float, z: Array, end: Array) -> None
 @Operation
 def step(arrays: ExplicitArrays, request: int, t: float, z: Array, out: Array) -> float:
     """Answer the requests of the driver: see `motion.PREPARE`."""
+    before, after = array_of(z), array_of(out)
     if request == PREPARE:
-        _prepare(arrays, t, z)
+        _prepare(arrays, t, before)
     elif request == ATTEMPT:
-        return _attempt(arrays, t, z, out)
+        return _attempt(arrays, t, before, after)
     elif request == INTERPOLATE:
-        _interpolate(arrays, t, z, out)
+        _interpolate(arrays, t, before, after)
     else:
-        dense_output(z, arrays.F, t / arrays.motion.run[0].step, out)
+        dense_output(before, arrays.F, t / arrays.motion.run[0].step, after)
     return 0.0
 
 

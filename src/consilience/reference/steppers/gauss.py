@@ -18,7 +18,7 @@ from numpy.polynomial.legendre import leggauss, legvander
 
 from consilience.mechanism import Array
 from consilience.reference.kernel.compiled import inlined, inner
-from consilience.reference.kernel.operation import Operation
+from consilience.reference.kernel.operation import Operation, array_of
 from consilience.reference.kernel.vectors import assign
 from consilience.reference.steppers.driver import CompiledStepper
 from consilience.reference.steppers.motion import PREPARE, MotionArrays, component_sizes, derivative
@@ -160,9 +160,9 @@ def _attempt(arrays: GaussArrays, t: float, z: Array, end: Array) -> float:
 def step(arrays: GaussArrays, request: int, t: float, z: Array, out: Array) -> float:
     """Answer the requests of the driver: see `motion.PREPARE`."""
     if request == PREPARE:
-        _prepare(arrays, z)
+        _prepare(arrays, array_of(z))
         return 0.0
-    return _attempt(arrays, t, z, out)
+    return _attempt(arrays, t, array_of(z), array_of(out))
 
 
 STEPPERS = {"gauss": CompiledStepper(gauss_arrays, step, lands=True)}

@@ -83,7 +83,8 @@ class MotionArrays(NamedTuple):
 
 def new_motion(kind: Array, length: float, mechanism: Kernel) -> MotionArrays:
     """Return the arrays of a motion."""
-    z, end, state = np.zeros((3, len(kind)))
+    # far apart: next to each other, vector instructions could not copy one to another
+    z, end, state = np.zeros((3, len(kind) + 32))[:, : len(kind)]
     return MotionArrays(np.zeros(1, RUN), kind, float(length), z, end, state, np.empty(5), mechanism)
 
 

@@ -28,7 +28,7 @@ from numpy.polynomial.legendre import legroots, legvander
 from consilience.mechanism import Array
 from consilience.reference.integrators.step_control import LARGEST, SMALLEST, factor_of
 from consilience.reference.kernel.compiled import inlined, inner
-from consilience.reference.kernel.operation import Operation
+from consilience.reference.kernel.operation import Operation, array_of
 from consilience.reference.kernel.vectors import assign
 from consilience.reference.steppers.driver import CompiledStepper
 from consilience.reference.steppers.explicit import dense_output
@@ -319,12 +319,13 @@ def _attempt(arrays: RadauArrays, t: float, z: Array, end: Array) -> float:
 @Operation
 def step(arrays: RadauArrays, request: int, t: float, z: Array, out: Array) -> float:
     """Answer the requests of the driver: see `motion.PREPARE`; an accepted step has its polynomial."""
+    before, after = array_of(z), array_of(out)
     if request == PREPARE:
-        _prepare(arrays, t, z)
+        _prepare(arrays, t, before)
     elif request == ATTEMPT:
-        return _attempt(arrays, t, z, out)
+        return _attempt(arrays, t, before, after)
     elif request == EVALUATE:
-        dense_output(z, arrays.F, t / arrays.motion.run[0].step, out)
+        dense_output(before, arrays.F, t / arrays.motion.run[0].step, after)
     return 0.0
 
 

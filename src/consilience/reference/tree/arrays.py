@@ -343,18 +343,20 @@ def with_own_arrays(given: TreeSystem) -> TreeSystem:
     return TreeSystem(tree, closure, spatial, elements, given.planar)
 
 
-def persistent_arrays(used: TreeSystem, given: TreeSystem) -> list[tuple[Array, Array]]:
+def persistent_arrays(used: TreeSystem, given: TreeSystem, tree_alone: bool) -> list[tuple[Array, Array]]:
     """Return pairs of arrays that one motion would leave changed for the next, and their initial values, as bytes.
+
+    With `tree_alone` without those of the loops.
 
     Links and free directions are among them: their constants may be those of another parameter set. NumPy copies
     records field by field, bytes at once.
     """
-    used_bytes, given_bytes = ([own.view(np.uint8) for own in _persistent(arrays)] for arrays in (used, given))
-    return list(zip(used_bytes, given_bytes, strict=True))
+    pairs = zip(_persistent(used, tree_alone), _persistent(given, tree_alone), strict=True)
+    return [(own.view(np.uint8), first.view(np.uint8)) for own, first in pairs if own.size]
 
 
-def _persistent(arrays: TreeSystem) -> list[Array]:
-    closure = arrays.closure
-    turns = [] if arrays.elements is None else [arrays.elements.turns]
-    own = [closure.qr.order, closure.qr.state, closure.rank_limit, closure.best, closure.row_norm, *turns]
-    return [*own, arrays.tree.link, arrays.tree.free]
+def _persistent(arrays: TreeSystem, tree_alone: bool) -> list[Array]:
+    tree, closure, _, elements, _ = arrays
+    turns = [] if elements is None else [elements.turns]
+    loops = [closure.qr.order, closure.qr.state, closure.rank_limit, closure.best, closure.row_norm]
+    return [tree.link, tree.free, *turns, *([] if tree_alone else loops)]

@@ -172,7 +172,7 @@ def loop_derivative(
             _control_errors(elements, spatial.y, spatial.A, t, dz)
 
 
-@inner
+@fused
 def tree_derivative(layout: Array, link: Array, free: Array, first_speed: int, z: Array, dz: Array) -> None:
     """Compute the state derivative of a tree with gravity alone.
 
@@ -184,7 +184,7 @@ def tree_derivative(layout: Array, link: Array, free: Array, first_speed: int, z
     coordinate_rates(layout, first_speed, z, dz)
 
 
-@inner
+@fused
 def planar_derivative(
     planar: PlanarArrays, link: Array, free: Array, first_speed: int, t: float, z: Array, dz: Array
 ) -> None:

@@ -32,13 +32,17 @@ from consilience.reference.tree.articulated import tree_accelerations
 from consilience.reference.tree.dynamics import accelerations, count_turns
 from consilience.reference.tree.kinematics import fill_euler_parameters, place_bodies, place_links_and_bodies
 from consilience.reference.tree.projection import find_rank
-from consilience.reference.tree.records import constants_of
+from consilience.reference.tree.records import FREE, LINK, constants_of
 from consilience.reference.tree.state import pack_relative
 
 
 @kernel
-def _tree_accelerations_at(link: Array, free: Array, q: Array, v: Array, out: Array) -> bool:
-    """Compute the accelerations of a tree; return False if the numbers of coordinates are wrong."""
+def _tree_accelerations_at(words: Array, free_words: Array, q: Array, v: Array, out: Array) -> bool:
+    """Compute the accelerations of a tree; return False if the numbers of coordinates are wrong.
+
+    Links and free directions are given as floats: Numba takes longer to know the type of records than a sweep takes.
+    """
+    link, free = words.view(LINK), free_words.view(FREE)
     n = free.shape[0]
     if len(q) != link[link.shape[0] - 1].coordinate or len(v) != n or len(out) != n:
         return False
@@ -140,8 +144,9 @@ class ForwardDynamics:
         self._systems = [self._new_system()]
         self._placed = self._systems[0][0]
         self._link, self._free, self._is_tree = self._placed.link, self._placed.free, self._links.bare_tree
+        self._words = self._link.view(float), self._free.view(float)
         if self._is_tree:
-            _compile_once(self._link, self._free, self.n_q)
+            _compile_once(*self._words, self.n_q, self.n_v)
 
     def coordinates(self, state: State) -> tuple[Array, Array]:
         """q, shape (n_q,), and v, shape (n_v,), of a consistent canonical state; angles within half a turn of zero."""
@@ -179,7 +184,7 @@ class ForwardDynamics:
             out = np.empty(self.n_v)
         if self._is_tree:
             try:
-                if _tree_accelerations_at(self._link, self._free, q, v, out):
+                if _tree_accelerations_at(*self._words, q, v, out):
                     return out
             except TypeError:  # not contiguous arrays of floats
                 pass
@@ -309,8 +314,8 @@ class ForwardDynamics:
         _accelerations_each(*others, float(t), q, v, np.zeros(len(self._links.kind)), out)
 
 
-def _compile_once(link: Array, free: Array, n_q: int) -> None:
+def _compile_once(words: Array, free_words: Array, n_q: int, n_v: int) -> None:
     """Compile `_tree_accelerations_at` for contiguous arrays of floats alone: other arrays are converted."""
-    _tree_accelerations_at(link, free, np.ones(n_q), np.zeros(len(free)), np.empty(len(free)))
+    _tree_accelerations_at(words, free_words, np.ones(n_q), np.zeros(n_v), np.empty(n_v))
     if hasattr(_tree_accelerations_at, "disable_compile"):  # a plain function where Numba is disabled
         _tree_accelerations_at.disable_compile()

@@ -49,7 +49,7 @@ def planar_power(a: PlanarVector, b: PlanarVector) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@inner
+@fused
 def _joint_displacement(
     link: Array, free: Array, k: int, q: Array, v: Array, turn: Pair, spin: float
 ) -> tuple[Pair, Pair, Pair]:

@@ -103,7 +103,7 @@ def evaluate_row(row_table: Array, n: int, link: Array, z: Array) -> PlanarRow:
     return PlanarRow(L - target, rate, gamma, i, j, (-e[0], -e[1], -_cross(s_i, e)), (e[0], e[1], _cross(s_j, e)))
 
 
-@inner
+@fused
 def _add_wrench(touched: Array, W: Array, row: int, link: int, factor: float, wrench: PlanarVector) -> None:
     """Add a wrench on a link, which both coordinates of a coupling may act on."""
     for at in range(TOUCHED):
@@ -131,7 +131,7 @@ def evaluate_planar_rows(planar: PlanarArrays, closure: LoopClosure, t: float, z
             _driven_row(planar, closure, row, row - first, t, z)
 
 
-@inner
+@fused
 def _driven_row(planar: PlanarArrays, closure: LoopClosure, row: int, n: int, t: float, z: Array) -> None:
     """Evaluate row `row`, drive or coupling n: ``q - f(t) = 0`` or ``q - f(q_driver) = 0``."""
     row_table, driven, link = planar.row_table, planar.driven, closure.link
@@ -222,7 +222,7 @@ def _add_to_bias(link: Array, k: int, factor: float, wrench: PlanarVector) -> No
             link[k].bias[r] -= factor * wrench[r]
 
 
-@inner
+@fused
 def _spring(force_table: Array, n: int, link: Array, actuator: float) -> None:
     """Apply ``F = (k (L - L0) + c L' - f(t)) e`` to the predecessor, its opposite to the successor."""
     i, j, h = force_table[n].i, force_table[n].j, force_table[n].normal_distance
@@ -235,7 +235,7 @@ def _spring(force_table: Array, n: int, link: Array, actuator: float) -> None:
     _add_to_bias(link, j, -1.0, (e[0], e[1], _cross(s_j, e)))
 
 
-@inner
+@fused
 def _load(force_table: Array, n: int, link: Array, factor: float) -> None:
     """Apply a force and a torque to a link, in axes of the world or of the link."""
     k = force_table[n].j

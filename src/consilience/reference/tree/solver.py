@@ -101,7 +101,7 @@ class PreparedMechanism(NamedTuple):
             given = (system,) if integrator == "taylor" else ()
             scales = arrays.tree.kind, arrays.tree.length
             integration = new_integration(INTEGRATORS[integrator], *scales, (serve, system), *given)
-            return _WorkingArrays(system, integration, persistent_arrays(arrays, self.tree_system))
+            return _WorkingArrays(system, integration, persistent_arrays(arrays, self.tree_system, self.tree_alone))
         for array, first in taken.persistent_arrays:
             array[...] = first
         return taken
@@ -194,13 +194,17 @@ def simulate_prepared(
             break
     if dependent:
         check_solvable(mechanism, prepared.solvable, times[0], pack(mechanism, state) if status else motion[0])
-    label = f"reference, relative, {name}, tolerance {tolerance:g}"
     if status:
-        raise NumericalFailure(f"{label}, at {time:.6g} s: {STATUS[status]}")
+        raise NumericalFailure(f"{_label(name, tolerance)}, at {time:.6g} s: {STATUS[status]}")
     if prepared.closing is not None:
-        check_motion(mechanism, prepared.closing, prepared.cut, times, motion, tolerance, label)
+        check_motion(mechanism, prepared.closing, prepared.cut, times, motion, tolerance, _label(name, tolerance))
     p, quat, v, w = canonical_motion(prepared.links.com, motion)
     return TrajectoryAnswer(times, p, quat, v, w, counters)
+
+
+def _label(integrator: str, tolerance: float) -> str:
+    """Return how a motion is computed."""
+    return f"reference, relative, {integrator}, tolerance {tolerance:g}"
 
 
 def _run(
@@ -212,6 +216,6 @@ def _run(
     status = run(working.integration, request, motion, stop_if_stiff)
     if status in (0, UNSUITABLE):  # a failure may leave NaN in the arrays
         prepared.idle[name].append(working)
-    closure, arrays = working.system.closure, working.integration.motion.run
+    closure, ended = working.system.closure, working.integration.motion.run
     dependent = closure is not None and closure.best["first"][0] < len(closure.value)
-    return status, motion, counts_of(arrays), float(arrays[0].t), dependent
+    return status, motion, counts_of(ended), ended["t"].item(), dependent

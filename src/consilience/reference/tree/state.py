@@ -54,7 +54,8 @@ def pack_compared(links: TreeLinks, packing: StatePacking, state: State, times: 
     found : ndarray, shape (TURNS + 2 couplings,)
         Overwritten by the largest residual: see `bodies.residual`.
     """
-    z, y, A = np.zeros(len(links.kind)), np.empty((len(links.com), 13)), np.empty((len(links.com), 3, 3))
+    count = len(links.com)
+    z, y, A = np.zeros(len(links.kind)), np.empty((count, 13)), np.empty((count, 3, 3))
     y[:, R], y[:, P], y[:, V], y[:, W] = state.p_WB, state.quat_WB, state.v_WB_W, state.w_WB_W
     _pack(packing, y, A, z, times, found)
     return z

@@ -12,8 +12,8 @@ import numpy as np
 
 from consilience.mechanism import Array
 from consilience.reference.bodies.joint_rows import coordinate
-from consilience.reference.kernel.compiled import inner
-from consilience.reference.kernel.operation import Operation
+from consilience.reference.kernel.compiled import fused, inner
+from consilience.reference.kernel.operation import Operation, array_of
 from consilience.reference.kernel.vectors import assign
 from consilience.reference.steppers.motion import BEGIN, DERIVATIVE, SAMPLE
 from consilience.reference.tree.arrays import LoopClosure, Planar, Spatial, TreeArrays, TreeElements, TreeSystem
@@ -58,7 +58,7 @@ def system_record(arrays: TreeSystem, tree_alone: bool) -> SystemRecord:
     return SystemRecord(tree, None if tree_alone else closure, spatial, elements, planar, kept)
 
 
-@inner
+@fused
 def _differentiate(
     tree: TreeArrays,
     closure: LoopClosure | None,
@@ -151,19 +151,19 @@ def serve(system: SystemRecord, request: int, t: float, z: Array, out: Array) ->
     """
     tree, closure, spatial = system.tree, system.closure, system.spatial
     elements, planar, kept = system.elements, system.planar, system.kept
-    longest = np.inf
+    state, result, longest = array_of(z), array_of(out), np.inf
     if request == DERIVATIVE:
-        _differentiate(tree, closure, spatial, elements, planar, t, z, out)
+        _differentiate(tree, closure, spatial, elements, planar, t, state, result)
         return longest
     if request == BEGIN:
-        _place_first(tree, elements, z)
+        _place_first(tree, elements, state)
     if request == SAMPLE:
         _keep_rows(closure, kept, False)
-    _project(tree, closure, spatial, elements, planar, t, z, out.shape[0] > 0)
+    _project(tree, closure, spatial, elements, planar, t, state, result.shape[0] > 0)
     if request == SAMPLE:
         _keep_rows(closure, kept, True)
     else:
         longest = _count_turns(tree, elements)
-    if out.shape[0]:
-        _record(tree, spatial, planar, out)
+    if result.shape[0]:
+        _record(tree, spatial, planar, result)
     return longest

@@ -22,7 +22,7 @@ import numpy as np
 from consilience.mechanism import Array
 from consilience.reference.integrators.step_control import UNSUITABLE
 from consilience.reference.kernel.compiled import fused, inlined, inner, kernel
-from consilience.reference.kernel.operation import Operation
+from consilience.reference.kernel.operation import Operation, array_of
 from consilience.reference.steppers.driver import CompiledStepper
 from consilience.reference.steppers.motion import ATTEMPT, INTERPOLATE, PREPARE, MotionArrays, component_sizes
 from consilience.reference.tree.arrays import LoopClosure, PlanarArrays, TreeArrays, TreeSystem
@@ -56,6 +56,9 @@ from consilience.reference.tree.taylor_series import (
 RADIUS_COEFFICIENTS = 4
 """Number of last coefficients that determine the step: in a motion from rest every second coefficient is zero."""
 
+LOWEST_ORDER = 8
+"""Order at which a series ends that reaches the end of the motion already, as that of a fall does."""
+
 LAST_TERM = 0.01
 """The last term of the series, as part of the tolerance; motions are then about as accurate as by other integrators."""
 
@@ -74,6 +77,7 @@ class TaylorArrays(NamedTuple):
     torque: Array  # (n_b + 1,) known torques on the links that P does not contain
     lam: Array  # (q,) multipliers of an order
     rank: Array  # (1,) rank of the rows in the first state
+    order: Array  # (1,) order of the series of the step
 
 
 def has_series(arrays: TreeSystem, tree_alone: bool) -> bool:
@@ -98,12 +102,13 @@ def taylor_arrays(motion: MotionArrays, system: SystemRecord) -> TaylorArrays:
         torque=np.zeros(len(tree.link)),
         lam=np.zeros(0 if closure is None else len(closure.value)),
         rank=np.zeros(1, dtype=np.int64),
+        order=np.zeros(1, dtype=np.int64),
     )
 
 
 @kernel
 def order_for(tolerance: float) -> int:
-    """Return the order of the series for a tolerance."""
+    """Return the order of the series for a tolerance, LOWEST_ORDER where that reaches the end of the motion."""
     return int(min(LARGEST_ORDER, np.ceil(1.0 - np.log(tolerance))))
 
 
@@ -200,14 +205,19 @@ def _prepare(arrays: TaylorArrays, t: float, z: Array) -> None:
     elif arrays.rank[0] != _rank(closure):
         run.status = UNSUITABLE
         return
-    order = order_for(run.tolerance)
     _begin_step(tree, closure, planar, arrays, t, z)
-    for m in range(order):
-        _solve_order(tree, closure, planar, arrays, m)
-    run.evaluations += order
     component_sizes(motion.kind, motion.length, z, motion.size)
-    radius = _radius(motion.kind, arrays.series.q, tree.first_speed, order, motion.size)
-    run.h = radius * (LAST_TERM * run.tolerance) ** (1.0 / order)
+    order, highest = 0, order_for(run.tolerance)
+    for end in (min(LOWEST_ORDER, highest), highest):
+        while order < end:
+            _solve_order(tree, closure, planar, arrays, order)
+            order += 1
+        radius = _radius(motion.kind, arrays.series.q, tree.first_speed, order, motion.size)
+        run.h = radius * (LAST_TERM * run.tolerance) ** (1.0 / order)
+        if run.h >= run.span:
+            break
+    arrays.order[0] = order
+    run.evaluations += order
     if not run.h > 0.0:
         run.status = 2
 
@@ -217,11 +227,11 @@ def step(arrays: TaylorArrays, request: int, t: float, z: Array, out: Array) -> 
     """Answer the requests of the driver: see `motion.PREPARE`. No step is rejected; the series is the dense output."""
     run = arrays.motion.run[0]
     if request == PREPARE:
-        _prepare(arrays, t, z)
+        _prepare(arrays, t, array_of(z))
     elif request != INTERPOLATE:
         run.factor = 1.0
         after = run.step if request == ATTEMPT else t
-        _evaluate_series(arrays.series.q, arrays.tree.first_speed, order_for(run.tolerance), after, out)
+        _evaluate_series(arrays.series.q, arrays.tree.first_speed, arrays.order[0], after, array_of(out))
     return 0.0
 
 
