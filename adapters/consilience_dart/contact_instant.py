@@ -1,9 +1,13 @@
 """Accelerations at an instant with closed contacts, stops and dry friction, by two steps of `World.step`.
 
-The first step has the force mixing of contacts, 1e-5 of the acceleration; the second makes up for it. The difference
-quotient of the second is extrapolated to zero step. DART's rows are those of the start of a step and lack the rates of
-their directions: where these count, as at a turning corner, the second step takes the contact for open or for an
-impact, and there is no answer.
+Force mixing e = 1e-5 adds ``e D h f`` to the velocity u of a contact with the force f, D the diagonal of its inverse
+inertia: DART's law is one of ``u + e D h f``. The first step has it as an error e of the acceleration; the second makes
+up for it, as far as f does not change (`MIXING`). The difference quotient of the second is extrapolated to zero step.
+A slip that starts from rest is ``k h a`` after k steps: friction is along ``a + e D f / k``, an error in proportion to
+1/k, which the second and the third step tell and remove.
+
+DART's rows are those of the start of a step and lack the rates of their directions: where these count, as at a turning
+corner, the second step takes the contact for open or for an impact, and there is no answer.
 """
 
 from __future__ import annotations
@@ -15,7 +19,7 @@ import numpy as np
 
 from consilience.engine import CannotRepresent, limit_of_halved
 from consilience.mechanism import Array, State, contact_gap, contact_parts, nearest_points
-from consilience_dart.contacts import Touching
+from consilience_dart.contacts import SLIDING, Touching
 from consilience_dart.state import Coordinates, read, send
 from consilience_dart.stepping import (
     CONSTRAINT_FORCE_MIXING,
@@ -51,15 +55,20 @@ FINE = 1e-12
 """Their tolerance."""
 
 SETTLED, UNSETTLED = 1e-7, 1e-6
-"""Difference of two extrapolations of an acceleration, over the largest one or 1 m/s^2, below which the other solver is
-not asked, and above which there is no answer."""
+"""Error of an acceleration, over the largest one or 1 m/s^2, below which the other solver is not asked, and above which
+there is no answer: by two extrapolations, or by what force mixing makes of forces that still change."""
+
+MIXING = 1e-5
+"""Force mixing of DART's contacts, a part of the diagonal of their inverse inertia; there is no setter."""
 
 UNMIXED = ((1, 1.0),)
 """Factor on the force mixing of welds, and its weight, where there are none."""
 
 
-def _slowest(model: Model, touching: Touching, state: State) -> float:
-    """Return the least slip, or rate with dry friction, that is not zero, in m/s or rad/s; infinite if all are.
+def _slips(model: Model, touching: Touching, state: State) -> tuple[float, Array]:
+    """Return the least rate that is not zero, and which closed contacts have a part at rest, bool (n_c,).
+
+    The rates are those of slips, m/s, and of coordinates with dry friction, m/s or rad/s; infinite if all are zero.
 
     Raises
     ------
@@ -67,7 +76,7 @@ def _slowest(model: Model, touching: Touching, state: State) -> float:
         A closed contact closes further.
     """
     rates = [abs(model.axes[d.joint, d.coordinate].rate) for d in touching.mechanism.dry_frictions]
-    slowest = min((rate for rate in rates if rate > CLOSED), default=np.inf)
+    resting = np.zeros(len(touching.mechanism.contacts), dtype=bool)
     for n, contact in enumerate(touching.mechanism.contacts):
         for part in contact_parts(contact):
             nearest = nearest_points(touching.mechanism, state, part)
@@ -78,8 +87,9 @@ def _slowest(model: Model, touching: Touching, state: State) -> float:
             if rate < -CLOSED:
                 raise ArithmeticError(f"contact '{part.name}' closes at {-rate:.3g} m/s: an impact, no acceleration")
             speed = float(np.linalg.norm(slip - rate * nearest.normal))
-            slowest = speed if CLOSED < speed < slowest else slowest
-    return slowest
+            resting[n] |= speed <= CLOSED
+            rates.append(speed)
+    return min((rate for rate in rates if rate > CLOSED), default=np.inf), resting
 
 
 def _refuse_turning(stepping: Stepper, c: Coordinates) -> None:
@@ -142,11 +152,41 @@ def settle(steppers: Sequence[Stepper], c: Coordinates, state: State) -> Array:
 
 
 class _Settled(NamedTuple):
-    """Accelerations and forces by a solver of friction, and how far two extrapolations of the former are apart."""
+    """Accelerations and forces by a solver of friction, and an estimate of the error of the former."""
 
     a: Array
     forces: Array
     spread: float
+
+
+class _Quotient(NamedTuple):
+    """Accelerations and forces of a step, and the change of the forces from the step before."""
+
+    a: Array
+    forces: Array
+    change: Array
+
+
+def _quotient(stepping: Stepper, c: Coordinates, h: float, count: int) -> _Quotient:
+    """Return the difference quotient of the last of some steps from a state."""
+    touching = stepping.touching
+    assert touching is not None
+    stepping.restart(c, 0.0, h)
+    stepping.step(count - 1)
+    v, forces = np.array(stepping.model.skeleton.getVelocities()), touching.forces
+    stepping.step(1)
+    a = (stepping.model.skeleton.getVelocities() - v) / h
+    return _Quotient(a, touching.forces, touching.forces - forces)
+
+
+def _mixed(touching: Touching, model: Model, change: Array) -> float:
+    """Return the acceleration in m/s^2 that force mixing makes of a change of forces in a step."""
+    W = model.skeleton.getInvMassMatrix()
+    found = 0.0
+    for n in np.flatnonzero(np.any(change, axis=1)):
+        J = touching.jacobian(int(n))
+        found = max(found, MIXING * float(np.max(np.diag(J @ W @ J.T)) * np.linalg.norm(change[n])))
+    return found
 
 
 def _settled(steppers: Sequence[Stepper], c: Coordinates, state: State) -> _Settled:
@@ -183,22 +223,27 @@ def _by(solver: tuple[str, str, int], stepping: Stepper, c: Coordinates, state: 
     assert touching is not None
     touching.solve_by(*solver, FINE)
     stepping.restart(c, 0.0, STEP)
-    slowest = _slowest(stepping.model, touching, state)
+    slowest, resting = _slips(stepping.model, touching, state)
     stepping.step(1)
+    starts = np.any(resting & (touching.modes == SLIDING))
     longest = DRIVEN if touching.mechanism.drives else STEP
     h = min(longest, TURN * slowest / max(FRICTION, touching.slip_rate))
-    quotients, forces = [], []
+    quotients, forces, changes = [], [], []
     for part in (1, 2, 4, 8):
-        stepping.restart(c, 0.0, h / part)
-        stepping.step(1)
-        before = np.array(stepping.model.skeleton.getVelocities())
-        stepping.step(1)
-        quotients.append((stepping.model.skeleton.getVelocities() - before) / (h / part))
-        forces.append(touching.forces)
+        last = _quotient(stepping, c, h / part, 2)
+        a, force = last.a, last.forces
+        if starts:
+            last = _quotient(stepping, c, h / part, 3)
+            a, force = 3.0 * last.a - 2.0 * a, 3.0 * last.forces - 2.0 * force
+        quotients.append(a)
+        forces.append(force)
+        changes.append(last.change)
     if touching.failed():
         raise ArithmeticError(f"{solver[0]} fails at this state")
     _require_same_contacts(touching, forces)
     a, finer = limit_of_halved(quotients[:3]), limit_of_halved(quotients[1:])
-    spread = np.max(np.abs(finer - a), initial=0.0) / max(1.0, np.max(np.abs(a), initial=0.0))
+    size = max(1.0, np.max(np.abs(a), initial=0.0))
+    spread = np.max(np.abs(finer - a), initial=0.0) / size
     least = slice(1, 4) if spread < SETTLED else slice(3)  # shorter steps have less room for the errors of a solver
+    spread = max(spread, _mixed(touching, stepping.model, limit_of_halved(changes[least])) / size)
     return _Settled(limit_of_halved(quotients[least]), limit_of_halved(forces[least]), float(spread))

@@ -108,6 +108,8 @@ class Touching:
     mechanism : Mechanism
     impulse, forces : ndarray, shape (n_c, 3)
         On the bodies, world axes: N s since it was last set to zero, and N in the last step.
+    points : ndarray, shape (n_c, 3), m
+        One of each contact, when it last had a force.
     modes : ndarray, shape (n_c,)
         In the last step: 0 separated, 1 sliding, 2 sticking.
     loss : float, J
@@ -174,7 +176,7 @@ class Touching:
 
     def restart(self) -> None:
         """Set all sums to zero."""
-        self.impulse, self.forces = np.zeros((2, self._count, 3))
+        self.impulse, self.forces, self.points = np.zeros((3, self._count, 3))
         self.modes = np.full(self._count, SEPARATED)
         self.loss = self.slip_rate = 0.0
         self.note()
@@ -201,6 +203,7 @@ class Touching:
                 continue
             before, after = self.slip(n, point, self._before[n]), self.slip(n, point)
             self.forces[n] += force
+            self.points[n] = point
             self.slip_rate = max(self.slip_rate, float(np.linalg.norm(after - before)) / step)
             self.loss -= step * float(force @ (before + after)) / 2.0
             slides = float(np.linalg.norm(after - normal * (normal @ after))) > AT_REST
@@ -225,6 +228,16 @@ class Touching:
         places = [origin for origin, _, _ in self._before[n]]
         (v, w), (v_P, w_P) = body[1:], partner[1:]
         return v + cross(w, point - places[0]) - v_P - cross(w_P, point - places[1])
+
+    def jacobian(self, n: int) -> Array:
+        """Return the Jacobian (3, dofs) of the slip of a contact, at its point in the last step."""
+        skeleton = self._model.skeleton
+        J = np.zeros((3, skeleton.getNumDofs()))
+        for pad, sign in zip(self._pads[n], (1.0, -1.0), strict=True):
+            if pad.node.getSkeleton().getName() != GROUND:
+                at = pad.node.getWorldTransform().inverse().multiply(self.points[n])
+                J += sign * skeleton.getLinearJacobian(pad.node, at)
+        return J
 
     def failed(self) -> int:
         """Return the number of solutions of friction that failed.

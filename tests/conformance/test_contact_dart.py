@@ -31,6 +31,7 @@ from consilience.mechanism import (
 from consilience.reference.engine import ReferenceEngine
 from consilience_dart import DartEngine, contact_instant
 from consilience_dart.export import export_model
+from consilience_dart.stepping import stepper
 from contact_problems import LEVEL, G, Lab, incline, pendulum, turned
 
 LAB = Lab()
@@ -227,6 +228,32 @@ def test_an_instant_of_a_wheel_whose_slip_changes_fast():
     mechanism, state, reference = case.mechanism, case.states[2], ReferenceEngine()
     truth = reference.instant(mechanism, [state], reference.methods(mechanism, Question.INSTANT)[0])
     np.testing.assert_allclose(instant(mechanism, state).alpha_WB_W, truth.alpha_WB_W, atol=1e-4)
+
+
+def test_an_instant_at_which_a_foot_starts_to_slip():
+    """Friction is against the acceleration of the foot, which friction itself turns: fixed point of the direction."""
+    moments, foot, mu, push, n = np.array([0.1, 0.2, 0.12]), [0.3, 0.2, -0.4], 0.2, [9.0, 4.0, 0.0], np.eye(3)[2]
+    cross = np.array([[0.0, -foot[2], foot[1]], [foot[2], 0.0, -foot[0]], [-foot[1], foot[0], 0.0]])
+    A = np.eye(3) / 2.0 - cross @ (cross / moments[:, None])
+    free, along = np.array(push) / 2.0 - G * n, np.array(push)
+    for _ in range(100):
+        unit = n - mu * along / np.linalg.norm(along)
+        force = -free[2] / (A @ unit)[2] * unit
+        along = free + A @ force
+    mechanism = LAB.free_body(2.0, moments, LEVEL, LAB.points([foot], friction=mu), [push])
+    at = instant(mechanism, LAB.state((-foot[0], -foot[1], -foot[2]), (0, 0, 0)))
+    assert abs(along[2]) < 1e-12
+    np.testing.assert_allclose(LAB.axes.T @ at.contact_force[0, 0], force, rtol=0, atol=2e-7)
+
+
+def test_forces_that_still_change_are_an_error_of_their_force_mixing():
+    """A box pulled across four feet: what a newton more in a step makes of the acceleration at a foot."""
+    stepping = stepper(box(LAB, friction=0.4), LAB.state((0, 0, 0.1), (0, 0, 0)))
+    stepping.world.setTimeStep(1e-3)
+    stepping.step(1)
+    J = np.array([0.3**2 / 0.07 + 0.3**2 / 0.12, 0.3**2 / 0.06 + 0.3**2 / 0.12]) + 0.5
+    found = contact_instant._mixed(stepping.touching, stepping.model, np.array([[0.0, 0.0, 1.0]]))
+    assert 1e-5 * 0.5 < found < 1e-5 * np.max(J) * 2.0
 
 
 def test_an_instant_of_a_turning_tip_is_refused_and_one_at_rest_is_not():
