@@ -6,7 +6,7 @@ Kernels divide as NumPy does: a quotient by zero is not finite, and the caller i
 from __future__ import annotations
 
 from consilience.mechanism import Array
-from consilience.reference.kernel.compiled import fused, inlined, inner
+from consilience.reference.kernel.compiled import fused, inner
 
 Vector = tuple[float, float, float]
 
@@ -17,13 +17,13 @@ def load(a: Array) -> Vector:
     return a[0], a[1], a[2]
 
 
-@inlined
+@fused
 def column(R: Array, k: int) -> Vector:
     """Return column k of a 3 x 3 matrix."""
     return R[0, k], R[1, k], R[2, k]
 
 
-@inlined
+@fused
 def store(a: Array, v: Vector, factor: float) -> None:
     """Compute ``a[:3] = factor v``."""
     a[0], a[1], a[2] = factor * v[0], factor * v[1], factor * v[2]
@@ -35,7 +35,7 @@ def put(a: Array, v: Vector) -> None:
     a[0], a[1], a[2] = v
 
 
-@inlined
+@fused
 def accumulate(a: Array, v: Vector) -> None:
     """Compute ``a[:3] += v``."""
     a[0] += v[0]
@@ -43,37 +43,37 @@ def accumulate(a: Array, v: Vector) -> None:
     a[2] += v[2]
 
 
-@inlined
+@fused
 def add(a: Vector, b: Vector) -> Vector:
     """Return ``a + b``."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
-@inlined
+@fused
 def sub(a: Vector, b: Vector) -> Vector:
     """Return ``a - b``."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-@inlined
+@fused
 def scale(s: float, a: Vector) -> Vector:
     """Return ``s a``."""
     return s * a[0], s * a[1], s * a[2]
 
 
-@inlined
+@fused
 def dot(a: Vector, b: Vector) -> float:
     """Return the scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@inlined
+@fused
 def cross(a: Vector, b: Vector) -> Vector:
     """Return the vector product."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@inlined
+@fused
 def rotate(R: Array, a: Vector) -> Vector:
     """Return ``R a``."""
     return (
@@ -83,7 +83,7 @@ def rotate(R: Array, a: Vector) -> Vector:
     )
 
 
-@inlined
+@fused
 def rotate_back(R: Array, a: Vector) -> Vector:
     """Return ``R^T a``."""
     return (
