@@ -24,10 +24,11 @@ from consilience.reference.kernel.operation import allocating_operation, array_o
 from consilience.reference.kernel.vectors import assign
 from consilience.reference.steppers.motion import DERIVATIVE, END_STEP
 
-FORCES, MOVE, RESTRAIN, APPLY, FOLLOW, COLUMNS = range(4, 10)
+FORCES, OBSERVE, MOVE, RESTRAIN, APPLY, FOLLOW, COLUMNS = range(4, 11)
 """Requests to `serve`, besides those of `motion`; z is a packed state:
 
 - compute the forces on all rows, out of shape (m,), and the rows;
+- write gaps, rates and forces of all rows, n rows of out, at n times and states, n rows (t, y) of z;
 - evaluate the rows of contacts;
 - evaluate the rows of joints;
 - evaluate the applied forces, where the rotations are known;
@@ -306,6 +307,18 @@ def _project(system: ContactSystem, t: float, y: Array) -> None:
     count_turns(model, y, ws, system.turns)
 
 
+@allocating
+def _observe(system: ContactSystem, z: Array, out: Array, size: int) -> None:
+    """Write gaps, rates and forces at times and states, whose packed size is given."""
+    rows, gaps, m = system.rows, system.rows.gap.shape[0], system.rows.u.shape[0]
+    count = z.shape[0] // (1 + size)
+    states, found, a = z.reshape(count, -1), out.reshape(count, -1), np.zeros(rows.J.shape[1])
+    for k in range(count):
+        _accelerations(system, states[k, 0], states[k, 1:].reshape(-1, 13), a, found[k, gaps + m :])
+        assign(found[k, :gaps], rows.gap)
+        assign(found[k, gaps : gaps + m], rows.u)
+
+
 @allocating_operation
 def serve(system: ContactSystem, request: int, t: float, z: Array, out: Array) -> float:
     """Answer the requests DERIVATIVE and END_STEP of `motion`, without samples, and those of this module.
@@ -315,13 +328,16 @@ def serve(system: ContactSystem, request: int, t: float, z: Array, out: Array) -
     state, result = array_of(z), array_of(out)
     model, rows, ws = system.model, system.rows, system.ws
     bodies = model.mass.shape[0]
-    y = state[: 13 * (bodies + (model.control.shape[0] + 12) // 13)].reshape(-1, 13)
+    size = 13 * (bodies + (model.control.shape[0] + 12) // 13)
+    y = state[:size].reshape(-1, 13)
     if request == DERIVATIVE:
         _rates(system, t, y, result)
     elif request == END_STEP:
         _project(system, t, y)
     elif request == FORCES:
         _accelerations(system, t, y, np.zeros(6 * bodies), result)
+    elif request == OBSERVE:
+        _observe(system, state, result, size)
     elif request == COLUMNS:
         both = result.reshape(2, -1, rows.u.shape[0])
         _columns(system.modes, rows, both[0], both[1], np.zeros(rows.u.shape[0]))

@@ -32,6 +32,7 @@ from consilience.reference.contact.derivative import (
     FOLLOW,
     FORCES,
     MOVE,
+    OBSERVE,
     RESTRAIN,
     ContactSystem,
     room_for_modes,
@@ -47,7 +48,7 @@ from consilience.reference.contact.joint_friction import (
 from consilience.reference.contact.layout import RowLayout
 from consilience.reference.contact.pairs import RowMotion, row_motion
 from consilience.reference.contact.problem import ContactProblem
-from consilience.reference.contact.response import HELD, Response
+from consilience.reference.contact.response import HELD, ObservedRows, Response
 from consilience.reference.contact.row_modes import RowModes, open_modes
 from consilience.reference.kernel.mechanism_record import record_of
 from consilience.reference.kernel.operation import BoundOperation
@@ -78,6 +79,8 @@ class ContactEquations:
         Which compliant contacts carry a force.
     offsets : ndarray, shape (n_f,)
         Constant part of the bound of each friction set at the last state.
+    turns : ndarray, shape (n_q,)
+        Joint coordinates from which compiled equations count full turns.
     mass : float, kg
         Of all bodies: unit of impulses and losses in states that steppers integrate.
     reacting : bool
@@ -95,19 +98,17 @@ class ContactEquations:
         self.acting: list[int] = []
         self.pressed = np.zeros(len(layout.springs), dtype=bool)
         self.offsets = np.array([one.offset for one in layout.friction])
-        self._laws = [layout.parts[k].compliance for k in layout.springs]
+        self._springs = np.array(layout.springs, dtype=np.int64)
+        laws = [layout.parts[k].compliance for k in layout.springs]
+        self._law = np.array([(law.stiffness, law.damping) for law in laws]).reshape(-1, 2)
         self._bounded = {3 * k: s for s, k in enumerate(layout.springs)}
         self._reacting = reacting_joints(layout)
         self.reacting = False
         self.mass = float(np.sum(self.model.mass))
         self._modes = record_of(room_for_modes(layout, self.rank))
-        self._turns = np.zeros(len(self.model.coordinate))
-        self._serve = BoundOperation(
-            serve,
-            ContactSystem(
-                *(self.model, layout.pairs, layout.limits, self.rows, self._ws, self._modes, self._turns), self.mass
-            ),
-        )
+        self.turns = np.zeros(len(self.model.coordinate))
+        record = self.model, layout.pairs, layout.limits, self.rows, self._ws, self._modes, self.turns, self.mass
+        self._serve = BoundOperation(serve, ContactSystem(*record))
         self.kernel = Kernel(*self._serve.addresses)
         self.activate(open_modes(layout))
         factors = zip(self.model.mass, self.model.inertia_factor, strict=True)
@@ -116,12 +117,8 @@ class ContactEquations:
 
     def _ask(self, request: int, t: float, y: Array, turns: Array, out: Array = NOTHING) -> None:
         """Ask the compiled equations at a packed state."""
-        self._turns[:] = turns
+        self.turns[:] = turns
         self._serve(request, t, y.reshape(-1), out)
-
-    def near(self, turns: Array) -> None:
-        """Let the compiled equations count full turns of joint coordinates from these."""
-        self._turns[:] = turns
 
     def move(self, t: float, y: Array, turns: Array) -> RowMotion:
         """Evaluate the rows at a packed state."""
@@ -136,14 +133,14 @@ class ContactEquations:
     def follow(self, y: Array, turns: Array) -> None:
         """Replace the joint coordinates that are read, shape (n_q,), by their values at a packed state."""
         self._ask(FOLLOW, 0.0, y, turns)
-        turns[:] = self._turns
+        turns[:] = self.turns
 
     def project(self, t: float, Y: Array, turns: Array, halted: Sequence[int] = ()) -> None:
         """Project a state onto what lasts and rows that have halted (`derivative.serve`), and follow its turns."""
         self._modes.halted[:] = 0
         self._modes.halted[list(halted)] = 1
         self._ask(END_STEP, t, Y, turns)
-        turns[:] = self._turns
+        turns[:] = self.turns
 
     def respond(self, t: float, y: Array, turns: Array) -> Response:
         """Evaluate rows, free accelerations and the response to forces on the rows."""
@@ -187,29 +184,26 @@ class ContactEquations:
 
     def press(self, touching: float) -> None:
         """Press the compliant contacts that the last state presses: with gaps below `touching`, m, and no pull."""
-        for s, (k, law) in enumerate(zip(self.layout.springs, self._laws, strict=True)):
-            gap, rate, least = self.rows.gap[k], self.rows.u[3 * k], law.stiffness * touching
-            force = -law.stiffness * gap - law.damping * rate
-            self.pressed[s] = gap <= touching and force >= (least if rate > 0.0 else -least)
+        gap, rate = self.rows.gap[self._springs], self.rows.u[3 * self._springs]
+        least = np.where(rate > 0.0, 1.0, -1.0) * self._law[:, 0] * touching
+        self.pressed[:] = (gap <= touching) & (self._spring_forces() >= least)
 
-    def spring_force(self, s: int) -> float:
-        """Return the force of a compliant contact that is pressed, at the last state, N."""
-        k, law = self.layout.springs[s], self._laws[s]
-        return float(-law.stiffness * self.rows.gap[k] - law.damping * self.rows.u[3 * k])
+    def _spring_forces(self) -> Array:
+        """Return the forces of the compliant contacts, were they pressed, at the last state, shape (n_s,), N."""
+        motion = np.stack([self.rows.gap[self._springs], self.rows.u[3 * self._springs]])
+        return -np.sum(self._law.T * motion, axis=0)
 
     def stored(self, pressed: Array) -> float:
         """Return the energy in the springs of the compliant contacts that are pressed, at the last state, J."""
-        gaps = self.rows.gap[list(self.layout.springs)]
-        return float(
-            sum(0.5 * law.stiffness * g**2 for law, g, on in zip(self._laws, gaps, pressed, strict=True) if on)
-        )
+        return float(0.5 * np.sum((self._law[:, 0] * self.rows.gap[self._springs] ** 2)[pressed]))
 
     def _given(self) -> Array:
         """Return the forces of compliant contacts at the last state, shape (m,); they bound friction."""
         given = np.zeros(len(self.layout.names))
-        for s in np.flatnonzero(self.pressed):
-            given[3 * self.layout.springs[s]] = self.spring_force(int(s))
-        for j, one in enumerate(self.layout.friction if self._bounded else ()):
+        if not len(self._springs):
+            return given
+        given[3 * self._springs] = np.where(self.pressed, self._spring_forces(), 0.0)
+        for j, one in enumerate(self.layout.friction):
             if one.load in self._bounded:
                 self.offsets[j] = given[one.load]
         return given
@@ -325,8 +319,7 @@ class ContactEquations:
 
     def _take_spring(self, k: int, s: int) -> None:
         """Let the force of a spring be the offset of a set of the active modes."""
-        law = self._laws[s]
-        self._modes.spring[k], self._modes.law[k] = self.layout.springs[s], (law.stiffness, law.damping)
+        self._modes.spring[k], self._modes.law[k] = self._springs[s], self._law[s]
 
     def choose(self, t: float, force: Array, rate: Array | float = 0.0) -> None:
         """Let forces that the modes taken over leave undetermined be the nearest to others, shape (m,), N (N m).
@@ -386,6 +379,19 @@ class ContactEquations:
         p = np.zeros(len(self.layout.names))
         self._ask(FORCES, t, y, turns, p)
         return p
+
+    def observe(self, times: Array, states: Array, turns: Array) -> ObservedRows:
+        """Return the rows and the forces on them at times (n,) and packed states (n, ...), in the modes taken over."""
+        count, gaps, m = len(times), len(self.rows.gap), len(self.layout.names)
+        found, offset = np.zeros((count, gaps + 2 * m)), np.tile(self.offsets, (count, 1))
+        if self.reacting:
+            for k, t in enumerate(times.tolist()):
+                force = self.row_forces(t, states[k], turns)
+                found[k], offset[k] = np.concatenate([self.rows.gap, self.rows.u, force]), self.offsets
+        else:
+            self.turns[:] = turns
+            self._serve(OBSERVE, 0.0, np.column_stack([times, states.reshape(count, -1)]).ravel(), found.reshape(-1))
+        return ObservedRows(found[:, :gaps], found[:, gaps : gaps + m], found[:, gaps + m :], offset)
 
     def row_forces(self, t: float, y: Array, turns: Array) -> Array:
         """Return the forces on all rows at a packed state, in the modes taken over, shape (m,)."""

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from consilience.mechanism import Array
 from consilience.reference.contact.equations import ContactEquations
 from consilience.reference.contact.events import ARMED, ROUNDING, Watch, friction_margin
 from consilience.reference.contact.lasting import LastingContact, sliding_rates, widest_margin
+from consilience.reference.contact.response import ObservedRows
 from consilience.reference.contact.row_modes import RowModes
 from consilience.reference.contact.stepper import Stepper
 
@@ -21,15 +20,6 @@ CLEAR = 1e-2
 
 _RISING = 1e-11
 """Rate of a gap from which it counts, over the speeds of the mechanism."""
-
-
-class _Observed(NamedTuple):
-    """Rows at n states: gaps, rates and forces, and the offsets of friction sets."""
-
-    gap: Array  # (n, n_n + ...) as of `RowMotion`
-    u: Array  # (n, m)
-    force: Array  # (n, m)
-    offset: Array  # (n, n_f)
 
 
 class EventFunctions:
@@ -90,7 +80,7 @@ class EventFunctions:
         -------
         values, rates : ndarray, shape (n, n_w)
         """
-        layout, seen = self._layout, self._observed(times, states, stepper)
+        layout, seen = self._layout, self._equations.observe(times, states, stepper.turns)
         values, rates = np.empty((2, len(times), len(self.watches)))
         rates[...] = np.nan
         for w, watch in enumerate(self.watches):
@@ -107,22 +97,7 @@ class EventFunctions:
                 values[:, w] = self._of_friction(watch.kind, k, stepper, seen)
         return values, rates
 
-    def _observed(self, times: Array, states: Array, stepper: Stepper) -> _Observed:
-        """Return gaps, rates and forces of the rows at states, with the offsets of friction sets."""
-        equations, rows = self._equations, self._equations.rows
-        count, m = len(times), len(self._layout.names)
-        seen = _Observed(*(np.zeros((count, size)) for size in (len(rows.gap), m, m, len(self._layout.friction))))
-        needs_forces = any(w.kind in ("normal", "margin", "group") for w in self.watches)
-        for k, (t, y) in enumerate(zip(times.tolist(), states, strict=True)):
-            if needs_forces:
-                seen.force[k] = equations.row_forces(t, y, stepper.turns)
-                seen.offset[k] = equations.offsets
-            else:
-                equations.move(t, y, stepper.turns)
-            seen.gap[k], seen.u[k] = rows.gap, rows.u
-        return seen
-
-    def _of_spring(self, kind: str, s: int, seen: _Observed) -> tuple[Array, Array]:
+    def _of_spring(self, kind: str, s: int, seen: ObservedRows) -> tuple[Array, Array]:
         """Return the force of a compliant contact, or its gap; where shapes overlap, by how much it would pull."""
         part = self._layout.springs[s]
         law, gap, rate = self._layout.parts[part].compliance, seen.gap[:, part], seen.u[:, 3 * part]
@@ -132,7 +107,7 @@ class EventFunctions:
         apart = gap > 0.0
         return np.where(apart, gap, gap + law.damping / law.stiffness * rate), np.where(apart, rate, np.nan)
 
-    def _of_group(self, times: Array, states: Array, stepper: Stepper, seen: _Observed, scale: float) -> Array:
+    def _of_group(self, times: Array, states: Array, stepper: Stepper, seen: ObservedRows, scale: float) -> Array:
         """Return the margin of forces that are undetermined: the widest, where those that were chosen leave doubt."""
         margin = self._least_margin(stepper.modes, seen.force)
         for k in np.flatnonzero(margin <= CLEAR * scale):
@@ -149,12 +124,12 @@ class EventFunctions:
                 margins.append(friction_margin(one, mode, force, np.full(len(force), offset)))
         return np.asarray(np.min(margins, axis=0))
 
-    def in_doubt(self, stepper: Stepper, clear: float) -> bool:
-        """Return whether undetermined forces, as chosen, keep at most a margin, over the forces, now."""
+    def room(self, stepper: Stepper) -> float:
+        """Return the margin that undetermined forces, as chosen, keep now, over the forces; infinite without any."""
         scales = [watch.scale for watch in self.watches if watch.kind == "group"]
-        return bool(scales) and self._least_margin(stepper.modes, stepper.forces()[None])[0] <= clear * scales[0]
+        return float(self._least_margin(stepper.modes, stepper.forces()[None])[0] / scales[0]) if scales else np.inf
 
-    def _of_friction(self, kind: str, j: int, stepper: Stepper, seen: _Observed) -> Array:
+    def _of_friction(self, kind: str, j: int, stepper: Stepper, seen: ObservedRows) -> Array:
         one, mode, heading = self._layout.friction[j], stepper.modes.friction[j], stepper.modes.heading[j]
         slip = seen.u[:, list(one.rows)]
         assert mode is not None

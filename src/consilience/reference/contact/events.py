@@ -118,12 +118,20 @@ def first_zero(values: Values, nodes: Array, armed: Array, watches: list[Watch])
         return None
     table, rates = values(nodes)
     best: tuple[float, int] | None = None
-    for w, watch in enumerate(watches):
-        column = _Column(values, w, nodes, table[:, w], rates[:, w])
+    for w in np.flatnonzero(~(armed & _stays_positive(table, rates))).tolist():
+        watch, column = watches[w], _Column(values, w, nodes, table[:, w], rates[:, w])
         found, armed[w] = column.first_zero(bool(armed[w]), ARMED * watch.scale)
         if found is not None and (best is None or found < best[0]):
             best = (found, w)
     return best
+
+
+def _stays_positive(table: Array, rates: Array) -> Array:
+    """Return which functions are positive at all nodes and have no lowest point between them."""
+    falls, rises, inner = rates[:-1] < 0.0, rates[1:] > 0.0, table[1:-1]
+    by_rates, by_values = falls & rises, (inner < table[:-2]) & (inner <= table[2:])
+    dips = np.where(np.isfinite(rates).all(axis=0), by_rates.any(axis=0), by_values.any(axis=0))
+    return np.asarray((table > 0.0).all(axis=0) & ~dips)
 
 
 class _Column:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from consilience.mechanism import Array
 from consilience.reference.contact.joint_friction import JointReaction
@@ -37,3 +38,12 @@ class Response:
     given: Array
     reactions: dict[int, JointReaction]
     pull: float
+
+
+class ObservedRows(NamedTuple):
+    """Gaps, rates and forces of rows at n states, and the offsets of friction sets."""
+
+    gap: Array  # (n, n_p + n_l) as of `RowMotion`
+    u: Array  # (n, m)
+    force: Array  # (n, m)
+    offset: Array  # (n, n_f)

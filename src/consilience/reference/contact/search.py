@@ -11,7 +11,7 @@ import numpy as np
 from consilience.errors import NumericalFailure
 from consilience.mechanism import Array
 from consilience.reference.contact import candidates
-from consilience.reference.contact.cones import admissible_force, sticking_margin
+from consilience.reference.contact.cones import StickingMargin, admissible_force, sticking_margin
 from consilience.reference.contact.headings import Headings
 from consilience.reference.contact.inclusion import residual
 from consilience.reference.contact.mode_system import RANK, ModeSolution, active, columns_and_rows
@@ -71,6 +71,7 @@ class ModeSearch:
         self.acceleration_unit = float(np.max(np.abs(problem.free) / problem.row_scale(), initial=0.0)) or 1.0
         self.best: tuple[float, str] = (np.inf, "no candidate")
         self.started: frozenset[int] = frozenset()
+        self._last: tuple[ModeSolution, StickingMargin] | None = None
         self.family: ModeSolution | None = None  # a solution of modes that leave accelerations open
 
     @cached_property
@@ -116,7 +117,7 @@ class ModeSearch:
         for modes in (self.natural, opened, *guesses):
             if modes is not None and not any(alike(modes, one) for one in tried):
                 tried.append(modes)
-                solved = self.exchanged(modes)
+                solved = self.exchanged(modes, found)
                 if solved is not None:
                     yield solved
 
@@ -175,8 +176,7 @@ class ModeSearch:
         if not solved.consistent or not (solved.singular or self._moves_right(solved)):
             return None
         if solved.undetermined.shape[1]:
-            margin = sticking_margin(self.problem, solved.modes, solved)
-            solved = replace(solved, force=admissible_force(self.problem, solved, margin))
+            solved = replace(solved, force=admissible_force(self.problem, solved, self._margin(solved)))
         if solved.singular:
             solved = replace(solved, acceleration=self.problem.acceleration(solved.force))
             if not self._moves_right(solved):
@@ -190,6 +190,12 @@ class ModeSearch:
         if solved.singular:
             self.family = solved
         return None if solved.singular else solved
+
+    def _margin(self, solved: ModeSolution) -> StickingMargin:
+        """Return the margin of a solution; that of the last one is kept."""
+        if self._last is None or self._last[0] is not solved:
+            self._last = solved, sticking_margin(self.problem, solved.modes, solved)
+        return self._last[1]
 
     def _moves_right(self, solved: ModeSolution) -> bool:
         """Return whether no open normal closes and no friction drives its own sliding: forces do not matter here."""
@@ -208,11 +214,16 @@ class ModeSearch:
                 weight = float(np.mean(self.problem.row_scale()[rows]))
                 yield float(fixed @ solved.acceleration[rows]) / weight, j
 
-    def exchanged(self, modes: Modes) -> ModeSolution | None:
-        """Exchange violated modes until none is left; None if a combination recurs."""
+    def exchanged(self, modes: Modes, known: ModeSolution | None = None) -> ModeSolution | None:
+        """Exchange violated modes until none is left; None if a combination recurs, or leads to what is known.
+
+        Modes with the accelerations of a known solution are that solution, with other forces.
+        """
         seen: set[tuple[object, ...]] = set()
         for _ in range(_EXCHANGES):
             solved = Headings(self.problem, modes).solved()
+            if known is not None and solved.consistent and not solved.singular and not self.differs(solved, known):
+                return None
             checked = self._checked(solved)
             if checked is not None:
                 return checked
@@ -227,7 +238,7 @@ class ModeSearch:
     def _exchange(self, solved: ModeSolution) -> Modes | None:
         """Return the modes with the worst violation mended; normal rows before friction."""
         problem, modes, weight = self.problem, solved.modes, self.problem.row_scale()
-        margin = sticking_margin(problem, modes, solved)
+        margin = self._margin(solved)
         unit = float(np.max(np.abs(problem.free) / weight**2)) or 1.0
         pulls = np.where(modes.closed, margin.of_normal, np.inf) / unit
         normals = list(problem.normals)

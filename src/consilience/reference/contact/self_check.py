@@ -20,12 +20,13 @@ As friction jams (Painleve) the determinant of the modes falls to zero; it is wa
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Array
+from consilience.reference.bodies.arrays import all_rows, holonomic_rows
 from consilience.reference.contact.equations import ContactEquations
 from consilience.reference.contact.lasting import sliding_rates, widest_margin
 from consilience.reference.contact.mode_system import sliding_indicator
@@ -64,9 +65,12 @@ def check_laws(equations: ContactEquations, modes: RowModes, at: tuple[float, Ar
     joints = _joint_rows(equations, at, speed)
     response = equations.respond(*at)
     force = equations.row_forces(*at)
-    for name, what, violation in (*joints, *_violations(equations, response, modes, force, speed)):
-        if not violation <= BAR:
-            raise NumericalFailure(f"{name}, t = {at[0]:.12g} s: {what}, by {violation:.3g} of the largest")
+    for names, what, violations in (*joints, *_violations(equations, response, modes, force, speed)):
+        worst = int(np.argmax(violations))
+        if not violations[worst] <= BAR:
+            raise NumericalFailure(
+                f"{names[worst]}, t = {at[0]:.12g} s: {what}, by {violations[worst]:.3g} of the largest"
+            )
 
 
 def refuse_overlap(equations: ContactEquations, at: tuple[float, Array, Array], least: float) -> None:
@@ -92,60 +96,64 @@ def refuse_overlap(equations: ContactEquations, at: tuple[float, Array, Array], 
     )
 
 
-Violation = tuple[str, str, float]
-"""Row, what is wrong there, and by how much."""
+Violations = tuple[Sequence[str], str, Array]
+"""Rows, what is wrong there, and by how much."""
 
 
-def _joint_rows(equations: ContactEquations, at: tuple[float, Array, Array], speed: float) -> list[Violation]:
+def _joint_rows(equations: ContactEquations, at: tuple[float, Array, Array], speed: float) -> list[Violations]:
     """Return the violations of the joints' rows."""
+    model = equations.model
+    if not all_rows(model):
+        return []
     Q, value, rate = equations.joint_rows(*at)
-    model, v = equations.model, at[1][: len(equations.model.mass), 7:13].ravel()
-    holonomic = len(value) - 2 * len(model.rolling) - len(model.skate)
-    gap, drift = np.abs(value[:holonomic]) / max(1.0, model.length), np.abs(Q @ v - rate) / max(1.0, speed)
-    found = [("constraints", "a joint is violated", float(np.max(gap, initial=0.0)))]
-    return [*found, ("constraints", "the rate of a joint is not zero", float(np.max(drift, initial=0.0)))]
+    v, q = at[1][: len(model.mass), 7:13].ravel(), holonomic_rows(model)
+    gap, drift = np.abs(value[:q]) / max(1.0, model.length), np.abs(Q @ v - rate) / max(1.0, speed)
+    names = ["constraints"] * len(value)
+    found: list[Violations] = [(names, "a joint is violated", gap)] if q else []
+    return [*found, (names, "the rate of a joint is not zero", drift)]
 
 
 def _violations(
     equations: ContactEquations, response: Response, modes: RowModes, force: Array, speed: float
-) -> Iterator[Violation]:
-    """Yield the rows of contacts, the law of each, and its violation."""
+) -> Iterator[Violations]:
+    """Yield the rows of contacts, the law of each, and its violations."""
     layout, rows = equations.layout, equations.rows
     moved = response.free + response.K @ (response.K.T @ (force - response.given))
     weight = np.maximum(np.linalg.norm(response.load, axis=0), np.finfo(float).tiny)
     pushed = np.maximum(np.abs(response.free) / weight, weight * np.abs(force))
     fastest = float(np.max(pushed, initial=HELD / BAR * response.pull)) or 1.0
     largest = max(float(np.max(np.abs(force), initial=0.0)), fastest / float(np.max(weight, initial=1.0)))
-    length = max(1.0, equations.model.length)
-    inadmissible = None
-    for k, n in enumerate(layout.normals):
-        gap, rate, name = rows.gap[layout.gaps[k]], rows.u[n], layout.names[n]
-        yield name, "shapes overlap", -gap / length
-        if modes.closed[k]:
-            yield name, "the gap of a contact that carries a force opens", abs(gap) / length
-            yield name, "a contact that lasts moves along its normal", abs(rate) / speed
-            yield name, "a contact that lasts accelerates along its normal", abs(moved[n]) / weight[n] / fastest
-            if force[n] < -BAR * largest:
-                inadmissible = inadmissible or (name, "a contact pulls", -force[n] / largest)
+    length, normals = max(1.0, equations.model.length), np.array(layout.normals, dtype=np.int64)
+    gap, n, inadmissible = rows.gap[layout.gaps], normals[modes.closed], list[Violations]()
+    if len(normals):
+        yield [layout.names[k] for k in normals], "shapes overlap", -gap / length
+    if len(n):
+        names = [layout.names[k] for k in n]
+        yield names, "the gap of a contact that carries a force opens", np.abs(gap[modes.closed]) / length
+        yield names, "a contact that lasts moves along its normal", np.abs(rows.u[n]) / speed
+        yield names, "a contact that lasts accelerates along its normal", np.abs(moved[n]) / weight[n] / fastest
+        inadmissible.append((names, "a contact pulls", -force[n] / largest))
     for j, one in enumerate(layout.friction):
-        mode = modes.friction[j]
+        mode, at, name = modes.friction[j], list(one.rows), [one.name]
         if mode is None:
             continue
-        at = list(one.rows)
         bound = equations.offsets[j] if one.load is None else force[one.load]
         pace = fastest * float(np.mean(weight[at]))
-        yield one.name, "what is held accelerates", float(np.linalg.norm(mode.held @ moved[at]) / pace)
-        yield one.name, "what is held slides", float(np.linalg.norm(mode.held @ rows.u[at]) / speed)
+        if len(mode.held):
+            yield name, "what is held accelerates", np.array([np.linalg.norm(mode.held @ moved[at]) / pace])
+            yield name, "what is held slides", np.array([np.linalg.norm(mode.held @ rows.u[at]) / speed])
         beyond = (_support(one, force[at]) - one.static * bound) / largest
-        if beyond > BAR:
-            inadmissible = inadmissible or (one.name, "friction is beyond its bound", float(beyond))
+        inadmissible.append((name, "friction is beyond its bound", np.array([beyond])))
         if not len(mode.held) and np.linalg.norm(rows.u[at]) > _SLIDES * speed:
             heading = rows.u[at] / np.linalg.norm(rows.u[at])
             lost = one.kinetic * bound * _most(one, heading) + force[at] @ heading
-            yield one.name, "friction does not oppose the slip", float(abs(lost) / largest)
-    if inadmissible is not None:
+            yield name, "friction does not oppose the slip", np.array([abs(lost) / largest])
+    told = next((one for one in inadmissible if np.max(one[2]) > BAR), None)
+    if told is not None:
         margin, *_ = widest_margin(equations, response, modes, sliding_rates(equations, modes, 0.0))
-        yield inadmissible if not np.isfinite(margin) else (*inadmissible[:2], -margin / largest)
+        worst = int(np.argmax(told[2]))
+        found = told[2][worst] if not np.isfinite(margin) else -margin / largest
+        yield [told[0][worst]], told[1], np.array([found])
 
 
 def _most(one: FrictionSet, heading: Array) -> float:

@@ -160,9 +160,10 @@ class _ContactSimulation:
         """Take one step, to its first event if there is one."""
         stepper = self.stepper
         self.slips.turn(stepper, self.speed)
-        if stepper.drifts or self.functions.in_doubt(stepper, CLEAR):
+        room = self.functions.room(stepper)
+        if stepper.drifts or room <= CLEAR:
             stepper.choose(chosen_force(self.equations, stepper.respond(stepper.t, stepper.y), stepper.modes))
-        within = not self.functions.in_doubt(stepper, 0.0)
+            room = self.functions.room(stepper)
         stepper.advance(bound)
         while (back := self.slips.leaves_line(stepper, self.speed)) is not None:
             stepper.go_back_to(back, self._halted)
@@ -174,7 +175,7 @@ class _ContactSimulation:
         armed = self.functions.armed.copy()
         found = first_zero(self._values, nodes, self.functions.armed, self.functions.watches)
         if found is None:
-            if within and self.functions.in_doubt(stepper, -(CLEAR**4)):
+            if room > 0.0 and self.functions.room(stepper) <= -(CLEAR**4):
                 stepper.choose_along(chosen_force(self.equations, stepper.respond(stepper.t, stepper.y), stepper.modes))
             self._settle_halted()
             return

@@ -249,7 +249,7 @@ class Stepper:
         end, ask = start.copy(), self._explicit
         run["t"], run["h"], run["span"], run["most"] = t, self._h, bound - t, np.inf
         evaluations = int(run["evaluations"])
-        self.equations.near(self._turns)
+        self.equations.turns[:] = self._turns
         ask(PREPARE, t, start, end)
         planned = float(run["h"])
         while True:
