@@ -13,6 +13,8 @@ from consilience.suite import simulate_case
 HEAVY = {"numpy", "scipy", "numba", "plotly"}
 
 UNUSED = {"jinja2", "plotly", "consilience.report.record", "scipy.integrate", "consilience.reference.contact"}
+UNUSED |= {"consilience.case.families", "consilience.reference.formulations.descriptor"}
+UNUSED |= {"consilience.reference.states.instants"}
 """Not needed by a motion without contact, and slow to import."""
 
 

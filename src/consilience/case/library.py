@@ -8,7 +8,6 @@ from functools import cache
 from pathlib import Path
 
 from consilience.case.case import Case
-from consilience.case.families import FAMILIES, family_cases
 from consilience.case.file.reader import load_file
 from consilience.errors import InvalidInput
 
@@ -48,6 +47,8 @@ def _read(path: Path, written: int) -> tuple[Case, ...]:
 
 def cases_like(incomplete: str) -> list[str]:
     """Return the names of shipped files and families with a beginning, for completion in a shell; reads no file."""
+    from consilience.case.families import FAMILIES  # noqa: PLC0415 - see `_of_family`
+
     names = dict.fromkeys((*(path.stem for path in case_files()), *FAMILIES))
     return [name for name in names if name.startswith(incomplete)]
 
@@ -68,8 +69,6 @@ def load_cases(name: str | Path) -> list[Case]:
         raise InvalidInput("case", f"it is a {type(name).__name__}", "Give the name of a case or the path of its file.")
     if isinstance(name, Path) or name.endswith(".toml") or "/" in name:
         return [replace(case, call=str(name)) for case in load_file(Path(name))]
-    if ":" in name:
-        return [replace(case, call=name) for case in family_cases(name)]
     plain = name.replace("-", "_")
     for path in case_files():
         if plain == path.stem or plain.startswith(f"{path.stem}_"):
@@ -77,8 +76,15 @@ def load_cases(name: str | Path) -> list[Case]:
             chosen = cases if plain == path.stem else [c for c in cases if c.name.replace("-", "_") == plain]
             if chosen:
                 return chosen
-    if name in FAMILIES:
-        return [replace(case, call=name) for case in family_cases(name)]
+    return [replace(case, call=name) for case in _of_family(name)]
+
+
+def _of_family(name: str) -> list[Case]:
+    """Return the cases of a family, which may be given parameters; refuse another name."""
+    from consilience.case.families import FAMILIES, family_cases  # noqa: PLC0415 - a shipped file needs none of them
+
+    if ":" in name or name in FAMILIES:
+        return family_cases(name)
     near = get_close_matches(name, list(dict.fromkeys([*case_names(), *FAMILIES])), n=5, cutoff=0.5)
     raise InvalidInput(
         f"case '{name}'",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -39,13 +40,14 @@ from consilience.reference.bodies.residual import (
     check_solvable,
     solvable_rows,
 )
-from consilience.reference.formulations import compiled_choice, compiled_dop853, registry
-from consilience.reference.formulations.body_velocities import AppliedForces, KernelFormulation, kernel_names
+from consilience.reference.formulations import registry
 from consilience.reference.integrators.step_control import STATUS
 from consilience.reference.kernel.mechanism_record import record_array
-from consilience.reference.states.instants import instants
 from consilience.reference.steppers.driver import counts_of
 from consilience.reference.tree.solver import INTEGRATORS, simulate_relative
+
+if TYPE_CHECKING:
+    from consilience.reference.formulations.body_velocities import AppliedForces
 
 
 def simulate(
@@ -141,6 +143,8 @@ def _simulate(
     """Integrate as `simulate` by the first of the compiled and interpreted ways that serves."""
     if forces is None and formulation == "relative" and (integrator is None or integrator in INTEGRATORS):
         return simulate_relative(mechanism, state, times, tolerance, integrator)
+    from consilience.reference.formulations import compiled_choice  # noqa: PLC0415 - relative needs none of its kernels
+
     integrator = integrator or "dop853"
     if forces is None and integrator == "dop853" and formulation in compiled_choice.FORMULATIONS:
         return _compiled(mechanism, state, times, tolerance, formulation)
@@ -178,6 +182,7 @@ def _interpreted(
     forces: AppliedForces | None,
 ) -> TrajectoryAnswer:
     """Integrate in Python; parameters as in `simulate`."""
+    from consilience.reference.formulations.body_velocities import KernelFormulation, kernel_names  # noqa: PLC0415
     from consilience.reference.integrators.adaptive import METHODS, integrate  # noqa: PLC0415 - SciPy takes long
 
     known = dict.fromkeys([*METHODS, *(INTEGRATORS if formulation == "relative" and forces is None else ())])
@@ -240,6 +245,8 @@ def _compiled(mechanism: Mechanism, state: State, times: Array, tolerance: float
     formulation : str
         Key of `compiled_choice.FORMULATIONS`.
     """
+    from consilience.reference.formulations import compiled_choice, compiled_dop853  # noqa: PLC0415 - see `_simulate`
+
     model = flatten(mechanism)
     ws, y = workspace(model), pack(mechanism, state)
     motion, scratch = np.empty((len(times), *y.shape)), compiled_dop853.dop853_scratch(model, y)
@@ -296,6 +303,8 @@ def accelerations(
         If the accelerations are not finite, for example at a spring of no length, or do not satisfy a constraint: at a
         singular pose velocities may lead along no motion.
     """
+    from consilience.reference.states.instants import instants  # noqa: PLC0415 - motions need none of its kernels
+
     states = [states] if isinstance(states, State) else states
     require_states(mechanism, states)
     if formulation != "descriptor" or not len(states):

@@ -62,8 +62,8 @@ inner = _decorator(**_INNER, _nrt=False)
 fused = _decorator(**_INNER, _nrt=False, forceinline=True)
 """`inner`, with the code inlined into the callers by LLVM."""
 
-inlined = _decorator(**_ALL, _nrt=False, inline="always")
-"""Decorator of a kernel of a few lines that makes no array and is copied where it is called."""
+inlined = _decorator(**{**_ALL, "cache": False}, _nrt=False, inline="always")
+"""Decorator of a kernel of a few lines that makes no array and is copied where it is called: it has no code to keep."""
 
 threaded = _decorator(**_ALL, _nrt=False, nogil=True)
 """`kernel` that releases the global interpreter lock."""
