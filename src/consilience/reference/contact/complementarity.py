@@ -43,8 +43,9 @@ def solve_lcp(matrix: Array, constant: Array, covering: Array | None = None) -> 
     for _ in range(50 * n + 100):
         leaving = int(basis[row])
         tableau[row] /= tableau[row, entering]
-        other = np.arange(n) != row
-        tableau[other] -= np.outer(tableau[other, entering], tableau[row])
+        column = tableau[:, entering].copy()
+        column[row] = 0.0
+        tableau -= np.outer(column, tableau[row])
         basis[row] = entering
         if leaving == 2 * n:
             z = np.zeros(2 * n)

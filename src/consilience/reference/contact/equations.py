@@ -383,7 +383,7 @@ class ContactEquations:
     def observe(self, times: Array, states: Array, turns: Array) -> ObservedRows:
         """Return the rows and the forces on them at times (n,) and packed states (n, ...), in the modes taken over."""
         count, gaps, m = len(times), len(self.rows.gap), len(self.layout.names)
-        found, offset = np.zeros((count, gaps + 2 * m)), np.tile(self.offsets, (count, 1))
+        found, offset = np.zeros((count, gaps + 2 * m)), self.offsets[None].repeat(count, axis=0)
         if self.reacting:
             for k, t in enumerate(times.tolist()):
                 force = self.row_forces(t, states[k], turns)

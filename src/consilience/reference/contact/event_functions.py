@@ -97,6 +97,10 @@ class EventFunctions:
                 values[:, w] = self._of_friction(watch.kind, k, stepper, seen)
         return values, rates
 
+    def now(self, w: int, stepper: Stepper) -> float:
+        """Return an event function at the end of the last step of a stepper."""
+        return float(self.at(np.array([stepper.t]), stepper.y[None], stepper)[0][0, w])
+
     def _of_spring(self, kind: str, s: int, seen: ObservedRows) -> tuple[Array, Array]:
         """Return the force of a compliant contact, or its gap; where shapes overlap, by how much it would pull."""
         part = self._layout.springs[s]

@@ -21,6 +21,7 @@ As friction jams (Painleve) the determinant of the modes falls to zero; it is wa
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from math import hypot
 
 import numpy as np
 
@@ -137,16 +138,16 @@ def _violations(
         mode, at, name = modes.friction[j], list(one.rows), [one.name]
         if mode is None:
             continue
-        bound = equations.offsets[j] if one.load is None else force[one.load]
-        pace = fastest * float(np.mean(weight[at]))
+        bound, slip = equations.offsets[j] if one.load is None else force[one.load], rows.u[at]
         if len(mode.held):
-            yield name, "what is held accelerates", np.array([np.linalg.norm(mode.held @ moved[at]) / pace])
-            yield name, "what is held slides", np.array([np.linalg.norm(mode.held @ rows.u[at]) / speed])
+            pace = fastest * float(np.mean(weight[at]))
+            yield name, "what is held accelerates", np.array([hypot(*(mode.held @ moved[at])) / pace])
+            yield name, "what is held slides", np.array([hypot(*(mode.held @ slip)) / speed])
         beyond = (_support(one, force[at]) - one.static * bound) / largest
         inadmissible.append((name, "friction is beyond its bound", np.array([beyond])))
-        if not len(mode.held) and np.linalg.norm(rows.u[at]) > _SLIDES * speed:
-            heading = rows.u[at] / np.linalg.norm(rows.u[at])
-            lost = one.kinetic * bound * _most(one, heading) + force[at] @ heading
+        size = hypot(*slip)
+        if not len(mode.held) and size > _SLIDES * speed:
+            lost = one.kinetic * bound * _most(one, slip / size) + force[at] @ slip / size
             yield name, "friction does not oppose the slip", np.array([abs(lost) / largest])
     told = next((one for one in inadmissible if np.max(one[2]) > BAR), None)
     if told is not None:
@@ -166,7 +167,7 @@ def _support(one: FrictionSet, force: Array) -> float:
     """Return the size of the unit set's multiple on whose boundary a force is."""
     vertices = one.vertices
     if vertices is None or len(one.rows) == 1:
-        return float(np.linalg.norm(force))
+        return hypot(*force)
     middles = 0.5 * (vertices + np.roll(vertices, -1, axis=0))
     return float(np.max((middles / np.sum(middles**2, axis=1)[:, None]) @ force))
 

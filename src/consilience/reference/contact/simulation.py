@@ -171,7 +171,8 @@ class _ContactSimulation:
         if any(heading is not None for heading in stepper.modes.heading):
             refuse_jam(self.equations, stepper.respond(stepper.t, stepper.y), stepper.modes, stepper.t)
         parts = max(PARTS, int(np.ceil(INTERVALS * (stepper.t - stepper.started) / self.span)))
-        nodes = np.linspace(stepper.started, stepper.t, parts + 1)
+        nodes = stepper.started + (stepper.t - stepper.started) / parts * np.arange(parts + 1)
+        nodes[-1] = stepper.t
         armed = self.functions.armed.copy()
         found = first_zero(self._values, nodes, self.functions.armed, self.functions.watches)
         if found is None:
@@ -183,11 +184,11 @@ class _ContactSimulation:
         watch = self.functions.watches[w]
         if watch.kind == "slip" and not self._stops(t, watch):
             stepper.go_back_to(0.5 * (stepper.started + t), self._halted)
+            while stepper.t > stepper.started and self.functions.now(w, stepper) <= 0.0:  # it had passed zero there
+                stepper.go_back_to(0.5 * (stepper.started + stepper.t), self._halted)
             self.functions.armed = armed
             self._settle_halted()
-            self._refuse_standstill()
-            return
-        if self._end_at(t, w):
+        elif self._end_at(t, w):
             self._record_before()
             self._happens(watch)
         else:
@@ -230,8 +231,7 @@ class _ContactSimulation:
         for _ in range(4):
             if not self.stepper.go_back_to(t, self._halted):
                 return False
-            now = np.array([self.stepper.t])
-            value = float(self.functions.at(now, self.stepper.y[None], self.stepper)[0][0, w])
+            value = self.functions.now(w, self.stepper)
             if rate >= 0.0 or abs(value) <= 1e-16 * self.functions.watches[w].scale:
                 break
             better = t - value / rate

@@ -11,8 +11,8 @@ from consilience.reference.contact.response import Response
 
 def fastest(equations: ContactEquations, y: Array, length: float) -> float:
     """Return the speed of the fastest body of a packed state, rotation times a length included, m/s."""
-    moving = np.abs(y[: len(equations.model.mass)])
-    return max(float(np.max(moving[:, 7:10])), length * float(np.max(moving[:, 10:13])))
+    largest = np.abs(y[: len(equations.model.mass), 7:]).max(axis=0).tolist()
+    return max(*largest[:3], length * max(largest[3:]))
 
 
 def speed_from_rest(equations: ContactEquations, response: Response, length: float) -> float:

@@ -18,7 +18,6 @@ import scipy
 from consilience.errors import NumericalFailure
 from consilience.mechanism import Array, State
 from consilience.reference.bodies.arrays import pack, unpack
-from consilience.reference.bodies.projection import normalise
 from consilience.reference.contact.equations import ContactEquations
 from consilience.reference.contact.response import Response
 from consilience.reference.contact.row_modes import RowModes
@@ -44,6 +43,9 @@ _SHORTEST = 1e-14
 
 _KINDS = np.repeat([DISTANCE, ANGLE, SPEED, SPIN], [3, 4, 3, 3])
 """Kinds of the components of a packed body."""
+
+_ODD = np.arange(7) % 2 == 1
+"""Powers of the dense output of a step that are multiplied by what is left of it (`explicit.interpolate`)."""
 
 _Dense = Callable[[Array], Array]
 """States within a step at times (n,), shape (n, n_z)."""
@@ -94,7 +96,7 @@ class Stepper:
         self._motion.run[0]["tolerance"] = tolerance
         self._Y = np.concatenate([y.ravel(), np.zeros(3 * contacts + 1)])
         self._bodies, self.t, self.started = bodies, t, t
-        self._h = 0.0
+        self._h, self._fresh = 0.0, True
         self.slow, self.drifts, self._chosen = 0.0, False, np.zeros(len(self._layout.names))
         self._pieces: list[tuple[float, _Dense]] = []
         equations.follow(self.y, self._turns)
@@ -136,11 +138,8 @@ class Stepper:
         return State(*unpack(self._layout.smooth, self.y))
 
     def between(self, times: Array) -> Array:
-        """Return packed states at times within the last step, shape (n, ...), by the interpolant."""
-        states = self._interpolated(times)[:, : self._count].reshape(-1, *self._shape)
-        for y in states:
-            normalise(y, self._bodies)
-        return states
+        """Return packed states at times within the last step, shape (n, ...), by the interpolant; not normalised."""
+        return self._interpolated(times)[:, : self._count].reshape(-1, *self._shape)
 
     def _interpolated(self, times: Array) -> Array:
         """Return states at times within the last step, with impulses and loss, shape (n, ...)."""
@@ -196,6 +195,7 @@ class Stepper:
     def change_modes(self, modes: RowModes, halted: Sequence[int] = ()) -> None:
         """Continue in other modes, from the state projected onto what lasts in them, and onto rows that have halted."""
         self.modes, self.drifts, self._chosen = modes, False, np.zeros(len(self._layout.names))
+        self._fresh = True
         self.equations.activate(modes)
         self._Y = self._Y.copy()
         self.equations.project(self.t, self._Y, self._turns, halted)
@@ -247,11 +247,13 @@ class Stepper:
         """Take a step of the compiled pair; return its dense output."""
         start, t, run = self._Y, self.t, self._motion.run[0]
         end, ask = start.copy(), self._explicit
-        run["t"], run["h"], run["span"], run["most"] = t, self._h, bound - t, np.inf
+        run["t"], run["span"], run["most"] = t, bound - t, np.inf
+        run["h"] = 0.0 if self._fresh else self._h  # zero: a first step is proposed
         evaluations = int(run["evaluations"])
         self.equations.turns[:] = self._turns
         ask(PREPARE, t, start, end)
-        planned = float(run["h"])
+        planned, self._fresh = max(float(run["h"]), self._h), False
+        run["h"] = planned
         while True:
             left, h = bound - t, min(float(run["h"]), self.longest)
             h = left if h >= left else min(h, 0.5 * left)
@@ -274,10 +276,8 @@ class Stepper:
         F = self._arrays.F.copy()
 
         def dense(times: Array) -> Array:
-            x, total = ((times - t) / h)[:, None], np.zeros((len(times), len(start)))
-            for i in range(len(F) - 1, -1, -1):
-                total = (total + F[i]) * (1.0 - x if i % 2 else x)
-            return start + total
+            x = ((times - t) / h)[:, None]
+            return start + np.cumprod(np.where(_ODD, 1.0 - x, x), axis=1) @ F
 
         return dense
 
