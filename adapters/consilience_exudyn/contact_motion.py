@@ -41,7 +41,7 @@ from consilience.mechanism import (
 )
 from consilience_exudyn.contact_instant import AT_REST, contact_accelerations
 from consilience_exudyn.contact_rows import TouchRow, contact_row, coordinate_row
-from consilience_exudyn.contact_samples import with_contacts
+from consilience_exudyn.contact_samples import room_ahead, with_contacts
 from consilience_exudyn.contacts import Penalty, add_contact, add_dry_friction, add_limit, limits_of, parts_of
 from consilience_exudyn.forces import add_springs_and_loads
 from consilience_exudyn.kinematic_tree import Coordinates, build_tree, is_one_axis_tree
@@ -176,9 +176,16 @@ def can_move(mechanism: Mechanism) -> bool:
 
 
 def contact_motion(
-    mechanism: Mechanism, state: State, times: Array, step: float, softness: float | None = None
+    mechanism: Mechanism,
+    state: State,
+    times: Array,
+    step: float,
+    softness: float | None = None,
+    room: float | None = None,
 ) -> TrajectoryAnswer:
     """Integrate a motion with contacts, stops and dry friction; to be extrapolated in the step without a softness.
+
+    `room` is what the motion needs on planes, m, if it is known; default: a wide bound.
 
     Raises
     ------
@@ -190,7 +197,8 @@ def contact_motion(
     rigid = RIGID / step**2
     if softness is not None:
         rigid = min(rigid, LINEAR / (step * float(times[1] - times[0])))
-    at = _Step(step, rigid, softness, _room(mechanism, state, float(times[-1] - times[0])))
+    room = room_ahead(mechanism, state, float(times[-1] - times[0])) if room is None else room
+    at = _Step(step, rigid, softness, room)
     seen = _contacts_at_start(mechanism, state)
     bounds = [one.bound(at) for one in seen]
     for _ in range(_ATTEMPTS):
@@ -224,13 +232,6 @@ def _refuse_late_hit(seen: Sequence[_Seen], largest: Array) -> None:
                 f"contact '{one.row.part.name}', closed at the start, hits later with {force:.3g} N",
                 "the zone in which its friction is proportional would not vanish with the step",
             )
-
-
-def _room(mechanism: Mechanism, state: State, duration: float) -> float:
-    """Longest way on a plane in m, at the velocities of the start and twice the acceleration of gravity."""
-    size = characteristic_length(mechanism)
-    fastest = np.max(np.abs(state.v_WB_W)) + size * np.max(np.abs(state.w_WB_W))
-    return float(size + duration * (fastest + duration * np.linalg.norm(mechanism.gravity)))
 
 
 def _mobility(mechanism: Mechanism, state: State) -> Array:

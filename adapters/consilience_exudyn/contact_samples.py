@@ -1,4 +1,4 @@
-"""Gaps, impulses and modes of contacts at the samples of a motion."""
+"""Gaps, impulses and modes of contacts at the samples of a motion, and the room that it takes on planes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from consilience.engine import CannotRepresent, TrajectoryAnswer, joined_mode, over_parts
-from consilience.mechanism import Array, Mechanism, State, nearest_points
+from consilience.mechanism import GROUND, Array, Mechanism, State, characteristic_length, nearest_points
 from consilience_exudyn.contact_rows import contact_row
 from consilience_exudyn.contacts import Penalty, parts_of
 
@@ -17,6 +17,22 @@ _IMPACT = 4.0 * np.pi
 
 _OPENING = 1.98
 """Angle between forces that slide in opposite directions, over the half angle of the friction cone; exactly 2."""
+
+
+def room_ahead(mechanism: Mechanism, state: State, duration: float) -> float:
+    """Longest way on a plane in m, at the velocities of the start and twice the acceleration of gravity."""
+    size = characteristic_length(mechanism)
+    fastest = np.max(np.abs(state.v_WB_W)) + size * np.max(np.abs(state.w_WB_W))
+    return float(size + duration * (fastest + duration * np.linalg.norm(mechanism.gravity)))
+
+
+def room_taken(mechanism: Mechanism, answer: TrajectoryAnswer) -> float:
+    """Way on planes in a motion, m, and a quarter more: overlaps have the rounding of their triangle's corners."""
+    ways = {GROUND: 0.0}
+    for name, n in mechanism.body_index.items():
+        ways[name] = float(np.max(np.linalg.norm(answer.p_WB[:, n] - answer.p_WB[0, n], axis=1)))
+    apart = max((ways[c.body] + ways[c.partner] for c in mechanism.contacts), default=0.0)
+    return 1.25 * (2.0 * characteristic_length(mechanism) + apart)
 
 
 def gaps_of(mechanism: Mechanism, answer: TrajectoryAnswer) -> Array:
