@@ -1,13 +1,14 @@
 """A first run compiles in two processes: one answers, the other compiles the kernels of motions."""
 
 import ast
+import fcntl
 import os
 import shutil
 import subprocess
 import sys
 from contextlib import contextmanager
 from pathlib import Path
-from threading import Event
+from threading import Event, Thread
 
 import pytest
 
@@ -15,7 +16,7 @@ from consilience.case import load_case
 from consilience.engine import Question, load_engine
 from consilience.engine.worker.client import Reply
 from consilience.engine.worker.requests import perform
-from consilience.reference.kernel.cache import SOURCES, digest, kernels_folder
+from consilience.reference.kernel.cache import SOURCES, digest, kernels_folder, one_process
 from consilience.reference.steppers.driver import integrate
 from consilience.suite import suite, warm_up
 from kernels import copy_kernels, numba_folder
@@ -162,9 +163,36 @@ def test_the_second_process_is_asked_for_all_compiled_motions_of_the_first_formu
     assert asked.pop() == "stopped"
     motions = [request for request in asked if request.question is Question.TRAJECTORY]
     assert [(one.mechanism.name, one.method.name) for one in motions] == [
-        (name, method) for name in ("four_bar", "double_pendulum") for method in ("relative", "relative, Gauss")
+        (name, method) for name in ("four_bar", "double_pendulum") for method in ("relative, Gauss", "relative")
     ]
     assert all(len(one.times) == 1 for one in motions)
+
+
+def test_a_kernel_is_compiled_by_one_process_at_a_time(monkeypatch, tmp_path):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    entered = []
+
+    def another():
+        with one_process("kernel"):
+            entered.append("another")
+
+    with one_process("kernel"):
+        (file,) = kernels_folder().iterdir()
+        with file.open("w") as lock, pytest.raises(BlockingIOError):
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        thread = Thread(target=another)
+        thread.start()
+        with one_process("another kernel"):
+            entered.append("first")
+    thread.join()
+    assert entered == ["first", "another"]
+
+
+def test_a_folder_that_cannot_be_made_has_no_locks(monkeypatch, tmp_path):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file"))
+    (tmp_path / "file").touch()
+    with one_process("kernel"):
+        assert not kernels_folder().exists()
 
 
 @pytest.mark.parametrize(("jobs", "warm", "beside"), [(2, False, 1), (2, True, 0), (1, False, 0)])

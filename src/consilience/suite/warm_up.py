@@ -43,12 +43,13 @@ def compiled_beside(cases: Sequence[Case], limit: float, memory: int) -> Iterato
 def _compile(worker: Worker, cases: Sequence[Case]) -> None:
     """Ask for the first sample of each motion by the first formulation, which compiles its kernels.
 
-    The last case comes first: in the order of the suite, both processes would compile the same kernels together.
+    The last case and the last method come first: in the order of the suite, both processes would wait for the same
+    kernels.
     """
     for case in reversed(cases):
         plan = worker.ask(Request(case.mechanism)).value
         methods = plan.methods.get(Question.TRAJECTORY, ()) if isinstance(plan, Plan) else ()
-        for method in methods:
+        for method in reversed(methods):
             if method.name.startswith(methods[0].name):
                 step, states = method.tolerances[0], (case.initial_state,)
                 worker.ask(Request(case.mechanism, Question.TRAJECTORY, method, states, case.times[:1], step))

@@ -6,9 +6,12 @@ does. With a folder for each state of the sources, a kernel never runs with kern
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import logging
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 
@@ -38,6 +41,21 @@ def kernels_folder() -> Path:
     """Return the folder of the compiled kernels, in NUMBA_CACHE_DIR or else beside this file; make nothing."""
     named = os.environ.get("NUMBA_CACHE_DIR")
     return (Path(named) if named else Path(__file__).parent / "__pycache__") / f"kernels-{digest(_PACKAGE)}"
+
+
+@contextmanager
+def one_process(kernel: str) -> Iterator[None]:
+    """Let one process at a time compile a kernel: another one that needs it waits, and finds it in the folder."""
+    folder = kernels_folder()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = (folder / f"{kernel}.lock").open("w")
+    except OSError:  # Numba keeps kernels elsewhere where the folder cannot be written
+        yield
+        return
+    with lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
 
 
 @cache

@@ -17,6 +17,7 @@ from numba import config, types
 from numba.extending import intrinsic, models, overload, register_model
 
 from consilience.mechanism import Array
+from consilience.reference.kernel.cache import one_process
 from consilience.reference.kernel.compiled import compile_operation, kernel
 from consilience.reference.kernel.mechanism_record import RecordType, array_from_words, record_of, type_of
 
@@ -65,7 +66,8 @@ class Operation:
         kind = type_of(record)
         if kind not in self._compiled:
             signature = types.float64(kind, *_OTHERS)
-            self._compiled[kind] = compile_operation(self.function, signature, self.allocating)
+            with one_process(f"{self.function.__module__}.{kind.name}"):
+                self._compiled[kind] = compile_operation(self.function, signature, self.allocating)
         return self._compiled[kind].address
 
 

@@ -255,7 +255,7 @@ def _project_by_factorisation(
     """Project a state by the fronts, whatever its rows and violations."""
     u, position_rows, value = closure.u, closure.position_rows, closure.value
     W, target = closure.qr.W, closure.qr.target
-    last, violation, rank, least = False, 0.0, 0, 0.0
+    last, violation, rank, least = False, 0.0, closure.best[0].rank, 0.0
     for step in range(NEWTON_STEPS + 1):
         violation = row_violation(closure, spatial, elements, planar, t, z)
         if last:

@@ -209,9 +209,9 @@ def _prepare(arrays: TaylorArrays, t: float, z: Array) -> None:
     component_sizes(motion.kind, motion.length, z, motion.size)
     order, highest = 0, order_for(run.tolerance)
     for end in (min(LOWEST_ORDER, highest), highest):
-        while order < end:
-            _solve_order(tree, closure, planar, arrays, order)
-            order += 1
+        for m in range(order, end):
+            _solve_order(tree, closure, planar, arrays, m)
+        order = end
         radius = _radius(motion.kind, arrays.series.q, tree.first_speed, order, motion.size)
         run.h = radius * (LAST_TERM * run.tolerance) ** (1.0 / order)
         if run.h >= run.span:
