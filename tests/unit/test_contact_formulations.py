@@ -71,6 +71,17 @@ def test_open_forces_that_come_near_their_bounds_ask_for_no_short_steps():
     assert motion.counters["steps"] < 60
 
 
+def test_other_accelerations_are_found_beyond_those_that_are_known():
+    with pytest.raises(NumericalFailure, match=r"t = 0 s: .* several accelerations"):
+        simulate_with_contacts(*random_contacts(184), TIMES, 1e-10, "moreau")
+
+
+def test_a_slip_far_slower_than_what_rounding_leaves_of_velocities_is_passed():
+    """There a difference quotient by velocities has no step but that of rounding."""
+    motion, _ = simulate_with_contacts(*random_contacts(230), TIMES, 1e-10, "moreau")
+    assert motion.counters["impacts"] > 10
+
+
 def test_a_step_in_which_friction_jams_under_the_rebound_goes_on_without_it():
     """Drift makes a resting contact approach; from event to event it rests."""
     mechanism, start = random_contacts(117)

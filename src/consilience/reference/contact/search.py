@@ -117,7 +117,7 @@ class ModeSearch:
         for modes in (self.natural, opened, *guesses):
             if modes is not None and not any(alike(modes, one) for one in tried):
                 tried.append(modes)
-                solved = self.exchanged(modes, found)
+                solved = self.exchanged(modes)
                 if solved is not None:
                     yield solved
 
@@ -214,16 +214,11 @@ class ModeSearch:
                 weight = float(np.mean(self.problem.row_scale()[rows]))
                 yield float(fixed @ solved.acceleration[rows]) / weight, j
 
-    def exchanged(self, modes: Modes, known: ModeSolution | None = None) -> ModeSolution | None:
-        """Exchange violated modes until none is left; None if a combination recurs, or leads to what is known.
-
-        Modes with the accelerations of a known solution are that solution, with other forces.
-        """
+    def exchanged(self, modes: Modes) -> ModeSolution | None:
+        """Exchange violated modes until none is left; None if a combination recurs."""
         seen: set[tuple[object, ...]] = set()
         for _ in range(_EXCHANGES):
             solved = Headings(self.problem, modes).solved()
-            if known is not None and solved.consistent and not solved.singular and not self.differs(solved, known):
-                return None
             checked = self._checked(solved)
             if checked is not None:
                 return checked

@@ -217,7 +217,7 @@ class Stepper:
         rate, J, step = self._derivative(t, Y), np.zeros((Y.size, Y.size)), _NUDGE * self.slow
         for j in (13 * np.arange(self._bodies)[:, None] + np.arange(7, 13)).ravel():
             moved = Y.copy()
-            moved[j] += step
+            moved[j] += max(step, 8.0 * np.spacing(abs(Y[j])))
             J[:, j] = (self._derivative(t, moved) - rate) / (moved[j] - Y[j])
         return J
 
