@@ -39,7 +39,7 @@ TOGETHER = 8
 """Cases of one suite, whose engines are loaded once."""
 
 ROUNDING = 11.0
-"""Digits beyond which differences are rounding; at an instant those of its bar."""
+"""Digits beyond which differences are rounding."""
 
 _LENGTHS = ("distance", "x", "y", "position")
 
@@ -90,9 +90,8 @@ def moved(cases, units, runs):
 
 
 def digits_of(found):
-    """Return the digits of a comparison that are not rounding: those within the bar of the accelerations."""
-    most = next((-np.log10(q.bar) for q in found.quantities if q.name == "accelerations"), ROUNDING)
-    return min(most, ROUNDING, np.inf if found.digits is None else found.digits)
+    """Return the digits of a comparison that are not rounding."""
+    return min(ROUNDING, np.inf if found.digits is None else found.digits)
 
 
 def differences(cases, units, engines=(), questions=(Question.INSTANT, Question.TRAJECTORY), thoroughness=SHORT):
