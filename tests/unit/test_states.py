@@ -104,7 +104,7 @@ def test_a_state_in_doubt_is_left_to_the_formulation(monkeypatch):
     def doubted(mechanism, states, t):
         return replace(expected, a_WB_W=np.zeros_like(expected.a_WB_W)), np.array([True, False, True])
 
-    monkeypatch.setattr(solver, "instants", doubted)
+    monkeypatch.setattr("consilience.reference.states.instants.instants", doubted)
     monkeypatch.setattr(solver, "_accelerations", lambda m, s, *more: asked.append(s) or own(m, s, *more))
     found = accelerations(mechanism, states)
     assert asked == [[states[1]]]
