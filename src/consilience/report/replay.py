@@ -150,14 +150,12 @@ def replays(
 
     `dense` as in `replay_of`.
     """
-    of_case, dense, drawn = (
-        grouped((run.case, run) for run in runs),
-        dense or {},
-        [c for c in cases if not c.unassembled],
-    )
+    of_case, dense = grouped((run.case, run) for run in runs), dense or {}
+    drawn = [case for case in cases if not case.unassembled]
     asked = drawn, [of_case.get(case.name, []) for case in drawn], [dense.get(case.name) for case in drawn]
-    if min(jobs, len(drawn)) > 1:
-        with ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
+    processes = min(jobs, len(drawn))
+    if processes > 1:
+        with ProcessPoolExecutor(processes, get_context("spawn")) as pool:
             found = list(pool.map(replay_of, *asked))
     else:
         found = list(map(replay_of, *asked))
