@@ -1,7 +1,7 @@
 """How near every engine comes to the motions that slide or roll from end to end, by its best route.
 
-python tests/routes.py                     a table in Markdown
-python tests/routes.py -e mujoco tripod    of one engine, of some cases
+python tests/best_routes.py                     a table in Markdown
+python tests/best_routes.py -e mujoco tripod    of one engine, of some cases
 
 The route is the engine's extrapolated method, whose ladder is followed by halves until two levels lead nowhere nearer.
 The figure is the largest difference to the reference over the motion, in sizes of the motion or radians: of the best
