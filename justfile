@@ -10,7 +10,7 @@ default:
 # install everything into .venv with the locked versions, and the hooks of git where pre-commit is there
 setup:
     test -d .venv || python3 -m venv .venv
-    .venv/bin/pip install -q -c requirements.lock -e '.[test,docs]'
+    .venv/bin/pip install -q -c requirements.lock -e '.[slow,lint,docs]'
     if command -v pre-commit >/dev/null; then pre-commit install; fi
 
 # all tests on all cores, or those given: `just test tests/unit/test_cli.py -x`

@@ -20,7 +20,7 @@ closure : LoopClosure
 spatial : SpatialArrays or None
     Arrays of the kernels of space; None for a mechanism in a plane.
 elements : TreeElements or None
-    Force elements and rows of other constraints than joints; None without them, and in a plane.
+    Force elements and rows of other constraints than joints; None in a plane, and of a tree with gravity alone.
 planar : PlanarArrays or None
     Arrays of the kernels of a plane; None in space.
 link, free : ndarray of records, shapes (n_b + 1,) and (N,)
@@ -155,6 +155,7 @@ class TreeElements(NamedTuple):
     first_integral: int
     gravity_only: bool
     other_rows: int
+    read_bodies: bool  # whether there are any: bodies are then placed wherever links are
 
 
 Spatial: TypeAlias = SpatialArrays | None
@@ -305,11 +306,11 @@ def tree_system(mechanism: Mechanism, links: TreeLinks, spanning: TreeModel, mod
     closure = loop_closure(tree, links.loops, links.position_rows, 6)
     elimination = elimination_arrays(len(closure.value), tree.layout, len(tree.free))
     spatial = SpatialArrays(tree.y, tree.A, model.mass, model.inertia_factor, cut_joints(spanning, model), elimination)
-    if links.gravity_only and not links.other_rows:
-        return TreeSystem(tree, closure, spatial, None, None)
     turns, rows = np.zeros(len(model.coordinate)), workspace(cut)._replace(A=tree.A)
     closure = closure._replace(value=rows.value, gamma=rows.gamma, rate=rows.rate)
-    elements = TreeElements(model, cut, turns, rows, links.first_integral, links.gravity_only, links.other_rows)
+    read_bodies = not links.gravity_only or links.other_rows > 0
+    counts = links.first_integral, links.gravity_only, links.other_rows, read_bodies
+    elements = TreeElements(model, cut, turns, rows, *counts)
     return TreeSystem(tree, closure, spatial, elements, None)
 
 

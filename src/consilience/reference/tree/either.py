@@ -47,7 +47,7 @@ def place_state(
     """
     if spatial is not None:
         place_links(closure.link, closure.free, z, z[closure.first_speed :])
-        if elements is not None:
+        if elements is not None and elements.read_bodies:
             place_bodies(closure.layout, closure.link, spatial.y, spatial.A)
     if planar is not None:
         place_planar_links(closure.link, closure.free, z, z[closure.first_speed :])

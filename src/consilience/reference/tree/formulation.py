@@ -50,6 +50,7 @@ class RelativeCoordinates:
         self._links, self._tree, self._model = flatten_relative(mechanism)
         arrays = tree_system(mechanism, self._links, self._tree, self._model)
         assert arrays.spatial is not None
+        assert arrays.elements is not None
         self._rest, self._space, self._elements = arrays.closure, arrays.spatial, arrays.elements
         self._records = record_of(arrays.closure), record_of(arrays.spatial), record_of(arrays.elements), None
         self._serve = BoundOperation(serve, system_record(arrays, tree_alone=False))
@@ -75,18 +76,16 @@ class RelativeCoordinates:
         du = np.zeros(len(u))
         dz, turning = self._split(du)
         self._rest.rank_limit[0] = round(u[-1])
-        if self._elements is not None:
-            self._elements.turns[:] = turns
+        self._elements.turns[:] = turns
         self._serve(DERIVATIVE, t, z, dz)
-        if self._elements is not None:
+        if self._elements.read_bodies:
             _angle_rates(self._records[2], self._space.y, self._space.A, turning)
         return du
 
     def settle(self, t: float, u: Array) -> Array:
         """Return u projected onto the constraint manifold, a new array, with the turns and the rank found there."""
         z, turns = self._split(np.array(u, dtype=float))
-        if self._elements is not None:
-            self._elements.turns[:] = turns
+        self._elements.turns[:] = turns
         self._serve(END_STEP, t, z, self._sample)
         return np.concatenate([z, self._count_turns(turns), self._rest.rank_limit])
 
@@ -131,8 +130,6 @@ class RelativeCoordinates:
 
     def _count_turns(self, turns: Array) -> Array:
         """Return the joint coordinates that elements read, from the placed bodies, with turns counted."""
-        if self._elements is None:
-            return turns
         self._elements.turns[:] = turns
         count_turns(self._records[2], self._space.y, self._space.A)
         return self._elements.turns.copy()

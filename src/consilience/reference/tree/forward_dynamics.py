@@ -78,7 +78,7 @@ def _tree_accelerations_each(
 def _accelerations_each(
     closure: LoopClosure,
     spatial: SpatialArrays,
-    elements: TreeElements | None,
+    elements: TreeElements,
     t: float,
     q: Array,
     v: Array,
@@ -92,9 +92,8 @@ def _accelerations_each(
         for n in range(v.shape[1]):
             z[closure.first_speed + n] = v[i, n]
         place_links_and_bodies(closure.layout, closure.link, closure.free, closure.first_speed, z, spatial.y, spatial.A)
-        if elements is not None:
-            elements.turns[:] = 0.0
-            count_turns(elements, spatial.y, spatial.A)
+        elements.turns[:] = 0.0
+        count_turns(elements, spatial.y, spatial.A)
         closure.best[0].rank, closure.best[0].pivot, closure.best[0].elimination_pivot = 0, 0.0, 0.0
         find_rank(closure, spatial, elements, None, t, z)
         accelerations(closure, spatial, elements, None, t, z)

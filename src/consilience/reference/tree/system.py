@@ -52,10 +52,11 @@ class SystemRecord(NamedTuple):
 
 
 def system_record(arrays: TreeSystem, tree_alone: bool) -> SystemRecord:
-    """Return the record of a mechanism; `tree_alone` leaves the loops out."""
+    """Return the record of a mechanism; `tree_alone` leaves loops and elements out."""
     tree, closure, spatial, elements, planar = arrays
     kept = KeptRows(closure.qr.order.copy(), np.zeros(len(closure.qr.state), np.int64), np.zeros(1, np.int64))
-    return SystemRecord(tree, None if tree_alone else closure, spatial, elements, planar, kept)
+    found = SystemRecord(tree, closure, spatial, elements, planar, kept)
+    return found._replace(closure=None, elements=None) if tree_alone else found
 
 
 @fused
