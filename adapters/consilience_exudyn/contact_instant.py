@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain, combinations
 
 import numpy as np
 
@@ -27,6 +28,11 @@ _DEAR = 1e3
 
 _PULL = 1e-9
 """Force that pulls, over the largest force, above which a contact is opened."""
+
+_MOST_TRIED = 10
+"""Contacts and stops of which all sets are tried, a thousand."""
+
+_NOTHING_AT_REST = "Exudyn's friction is zero at rest, and it has none to start with"
 
 
 @dataclass(eq=False)
@@ -97,29 +103,79 @@ def contact_accelerations(terms: Terms, state: State, equations: Equations) -> t
         active.append(_contact(number, row, terms.contact_force(state, number) - without if slides else None))
     terms.contact_force(state, None)
     force, stuck = _joint_efforts(mechanism, state)
-    a, mu, kept, unknowns = _balance(equations, equations.f + force, [*active, *stuck])
-    _refuse_start(kept, unknowns)
+    balance = _balanced(equations, equations.f + force, [*active, *stuck])
+    _refuse_start(balance.sliding)
     found = np.zeros((len(parts_of(mechanism)), 3))
-    for one, x in zip(kept, unknowns, strict=True):
+    for one, x in zip(balance.closed, balance.unknowns, strict=True):
         if one.contact is not None:
             found[one.number] = _on_body(mechanism, one.contact, x @ one.columns)
-    return a, mu, found
+    return balance.a, balance.mu, found
 
 
-def _balance(equations: Equations, f: Array, active: list[_Active]) -> tuple[Array, Array, list[_Active], list[Array]]:
-    """Solve, and open what pulls, one after the other; return what it found, and what is closed."""
-    opened: list[_Active] = []
-    while True:
-        a, mu, unknowns = _solve(equations, f, active)
-        largest = max((float(np.max(np.abs(x))) for x in unknowns), default=0.0)
-        pulls = [np.inf if one.dry else float(x[0]) for one, x in zip(active, unknowns, strict=True)]
-        if min(pulls, default=0.0) >= -_PULL * max(1.0, largest):
-            break
-        opened.append(active.pop(int(np.argmin(pulls))))
-    fastest = max(1.0, float(np.max(np.abs(a))))
-    if any(one.rows[0] @ a - one.rhs[0] < -_PULL * fastest for one in opened):
-        raise RuntimeError("no set of closed contacts and stops fits: an opened one would close again")
-    return a, mu, active, unknowns
+@dataclass(frozen=True, eq=False)
+class _Balance:
+    """Solution with some of the contacts, stops and dry frictions closed; the others are open.
+
+    Attributes
+    ----------
+    closed : list of _Active
+    a, mu : ndarray
+    unknowns : list of ndarray
+        Forces of `closed`.
+    """
+
+    closed: list[_Active]
+    a: Array
+    mu: Array
+    unknowns: list[Array]
+
+    @property
+    def pulling(self) -> int | None:
+        """What pulls most; None if nothing does."""
+        largest = max((float(np.max(np.abs(x))) for x in self.unknowns), default=0.0)
+        pulls = [np.inf if one.dry else float(x[0]) for one, x in zip(self.closed, self.unknowns, strict=True)]
+        return int(np.argmin(pulls)) if min(pulls, default=0.0) < -_PULL * max(1.0, largest) else None
+
+    def overlaps(self, active: Sequence[_Active]) -> bool:
+        """Whether one of all that is open would close."""
+        least = -_PULL * max(1.0, float(np.max(np.abs(self.a))))
+        return any(one.rows[0] @ self.a - one.rhs[0] < least for one in active if one not in self.closed)
+
+    @property
+    def sliding(self) -> _Active | None:
+        """Contact or dry friction that cannot stick; None if all can."""
+        for one, x in zip(self.closed, self.unknowns, strict=True):
+            across = abs(float(x[0])) if one.dry else float(np.linalg.norm(x[1:]))
+            limit = one.bound if one.dry or len(x) == 1 else one.bound * float(x[0])
+            if across > limit * (1.0 + _PULL):
+                return one
+        return None
+
+
+def _balanced(equations: Equations, f: Array, active: Sequence[_Active]) -> _Balance:
+    """Open what pulls, one after the other; if others would then close again, try all sets.
+
+    Friction that sticks is not bounded in a set: it may jam, and hide which contacts open.
+    """
+
+    def solved(closed: Sequence[_Active]) -> _Balance:
+        return _Balance(list(closed), *_solve(equations, f, closed))
+
+    found = solved(active)
+    while (pulling := found.pulling) is not None:
+        found = solved([one for n, one in enumerate(found.closed) if n != pulling])
+    if found.overlaps(active):
+        dry, pushing = [one for one in active if one.dry], [one for one in active if not one.dry]
+        if len(pushing) > _MOST_TRIED:
+            raise RuntimeError("no set of closed contacts and stops fits: an opened one would close again")
+        sets = chain.from_iterable(combinations(pushing, n) for n in range(len(pushing), -1, -1))
+        tried = (solved([*some, *dry]) for some in sets)
+        fits = (one for one in tried if one.pulling is None and not one.overlaps(active) and one.sliding is None)
+        fitting = next(fits, None)
+        if fitting is None:
+            raise CannotRepresent("contacts of which none fit at rest: one starts to slide", _NOTHING_AT_REST)
+        return fitting
+    return found
 
 
 def _contact(number: int, row: TouchRow, friction: Array | None) -> _Active:
@@ -169,16 +225,11 @@ def _solve(equations: Equations, f: Array, active: Sequence[_Active]) -> tuple[A
     return free + np.linalg.solve(M, C.T @ x), x[: len(J)], np.split(x, ends)[1:-1]
 
 
-def _refuse_start(active: Sequence[_Active], unknowns: Sequence[Array]) -> None:
-    """Refuse contacts and coordinates that cannot stick."""
-    for one, x in zip(active, unknowns, strict=True):
-        across = abs(float(x[0])) if one.dry else float(np.linalg.norm(x[1:]))
-        limit = one.bound if one.dry or len(x) == 1 else one.bound * float(x[0])
-        if across > limit * (1.0 + _PULL):
-            what = "dry friction" if one.contact is None else f"contact '{one.contact.part.name}'"
-            raise CannotRepresent(
-                f"{what} starts to slide", "Exudyn's friction is zero at rest, and it has none to start with"
-            )
+def _refuse_start(one: _Active | None) -> None:
+    """Refuse a contact or coordinate that cannot stick."""
+    if one is not None:
+        what = "dry friction" if one.contact is None else f"contact '{one.contact.part.name}'"
+        raise CannotRepresent(f"{what} starts to slide", _NOTHING_AT_REST)
 
 
 def _on_body(mechanism: Mechanism, row: TouchRow, force: Array) -> Array:

@@ -11,7 +11,7 @@ from consilience.mechanism import GROUND, Cone, ContactLaw, Mechanism, SphereSph
 from consilience_mujoco.contact_instant import HARD, SOFT
 from consilience_mujoco.contact_motion import BOUNCE, RELAXATION
 from consilience_mujoco.contacts import IMPEDANCE, bounds
-from consilience_mujoco.methods import AT_AN_INSTANT, DEFAULT_STEPS, INVWEIGHT_SCALE, OPTIONS, hard, iterations
+from consilience_mujoco.methods import DEFAULT_STEPS, INVWEIGHT_SCALE, OPTIONS, hard, iterations
 from consilience_mujoco.rows import Equalities
 
 CONTACT_FEATURES = (
@@ -50,11 +50,15 @@ inertia."""
 _LINE_SEARCH = 200
 """Iterations of the line search: by the default of 50, dry friction that sticks creeps at 1e-8."""
 
+_NEWTON: dict[str, Any] = {"opt.solver": "NEWTON", "opt.tolerance": 0.0, "opt.ls_iterations": _LINE_SEARCH}
+"""Newton's method. At an instant always: by CG contacts that open beside loops never converge."""
+
 _NEWTON_STEPS = 50
 """Iterations of MuJoCo's Newton solver."""
 
 _NEWTON_SCALE = 1e-5
-"""Factor on inverse inertias of drives and couplings beside friction: by 2e-11 Newton's method loses their forces."""
+"""Factor on inverse inertias of drives and couplings beside friction, and of all constraints at an instant: by 2e-11
+Newton's method loses their forces."""
 
 _CIRCLE = "circle; rigid and Coulomb's in the limit of small steps"
 _PYRAMID = (
@@ -85,7 +89,7 @@ def _settings(mechanism: Mechanism, equalities: Equalities) -> dict[str, Any]:
     held = equalities.welds + equalities.joints + equalities.guides
     settings = OPTIONS | {"opt.disableflags": flags} | (hard(equalities) if held else {})
     if by_newton(mechanism, equalities):
-        settings |= {"opt.solver": "NEWTON", "opt.tolerance": 0.0, "opt.ls_iterations": _LINE_SEARCH}
+        settings |= _NEWTON
     if mechanism.contacts:
         settings |= {"opt.cone": "ELLIPTIC", "pair_solimp": _IMPEDANCES}
     if mechanism.stops:
@@ -116,8 +120,9 @@ def _model(settings: dict[str, Any], law: str) -> Method:
 
 
 def _instant(settings: dict[str, Any], law: str) -> Method:
+    settings = settings | {name: _NEWTON_SCALE for name in settings if name.endswith(", factor")} | _NEWTON
     settings = settings | {
-        "opt.iterations": AT_AN_INSTANT if settings["opt.solver"] == "CG" else _NEWTON_STEPS,
+        "opt.iterations": _NEWTON_STEPS,
         "pair_margin, jnt_margin": "positive for what is closed",
         "body_invweight0 of contacts": f"times {HARD:g} where they stick, {SOFT:g} where they slide",
         "mjcb_control": "efc_aref",

@@ -29,6 +29,9 @@ ENOUGH, ENOUGH_AT_INSTANT = 1e-9, 1e-11
 ACCEPTED = 1e-7
 """Largest residual of an answer, relative to the data."""
 
+_RANK = 1e-10
+"""Least singular value over the largest of independent rows of constraints."""
+
 SETTINGS: dict[str, Any] = {
     "tolerances": TOLERANCE,
     "max_iterations": f"{FEW_ITERATIONS}, {MOST_ITERATIONS} where the residual is large",
@@ -132,13 +135,28 @@ class ConeSolver:
         y : ndarray, shape (n,)
             Accelerations along the rows without the forces.
         sets : sequence of ForceSet
-            Of consecutive rows: one row for an interval, three for others.
+            Of consecutive rows: one row for an interval, three for others; anchors first.
 
         Raises
         ------
         ArithmeticError
             The solver does not converge.
         """
+        try:
+            return self._solved(G, y, sets)
+        except ArithmeticError:
+            others = [one for one in sets if not isinstance(one, Anchor)]
+            if len(others) in (0, len(sets)):
+                raise
+        # where rows of constraints and contacts depend on one another, it may for the contacts alone
+        held = 3 * (len(sets) - len(others))
+        by_held = np.linalg.pinv(G[:held, :held], rcond=_RANK, hermitian=True)
+        across = by_held @ G[:held, held:]
+        f = self._solved(G[held:, held:] - G[held:, :held] @ across, y[held:] - across.T @ y[:held], others)
+        return np.concatenate([-by_held @ y[:held] - across @ f, f])
+
+    def _solved(self, G: Array, y: Array, sets: Sequence[ForceSet]) -> Array:
+        """Return the forces by Pinocchio's solver, in two numbers of iterations and two units."""
         if self._sets != tuple(sets):
             self._sets, self._kept = tuple(sets), _models(sets)
         scale = float(np.max(np.abs(y), initial=0.0))

@@ -1,0 +1,36 @@
+"""Random mechanisms with contacts whose modes an adapter finds by trying: accelerations are those of the reference."""
+
+import numpy as np
+import pytest
+
+from consilience.audit.fuzz.population import specimen
+from consilience.engine import CannotRepresent, Question, load_engine
+
+
+def accelerations(engine, case):
+    """Return the accelerations of all bodies at the first state, one column, by the headline method."""
+    engine = load_engine(engine)
+    answer = engine.instant(case.mechanism, case.states[:1], engine.methods(case.mechanism, Question.INSTANT)[0])
+    return np.concatenate([answer.a_WB_W.ravel(), answer.alpha_WB_W.ravel()])
+
+
+@pytest.mark.parametrize(
+    ("engine", "seed", "digits"),
+    [
+        pytest.param("mujoco", 35050, 12, id="loops beside a contact that slides"),
+        pytest.param("mujoco", 35063, 12, id="a box that leaves a plane, held by loops"),
+        pytest.param("mujoco", 35071, 9, id="a contact that opens, and closes again as others slide"),
+        pytest.param("mujoco", 35085, 12, id="loops that hold everything, with five contacts"),
+        pytest.param("pinocchio", 35072, 10, id="a contact whose rows depend on those of a loop"),
+    ],
+)
+def test_modes_of_several_contacts_settle(engine, seed, digits):
+    case = specimen(seed, contacts=True).case
+    found, wanted = accelerations(engine, case), accelerations("reference", case)
+    assert np.max(np.abs(found - wanted)) <= 10.0**-digits * max(1.0, np.max(np.abs(wanted)))
+
+
+def test_contacts_that_fit_in_no_way_at_rest_start_to_slide():
+    case = specimen(35071, contacts=True).case
+    with pytest.raises(CannotRepresent, match="starts to slide"):
+        accelerations("exudyn", case)
