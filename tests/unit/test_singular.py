@@ -134,9 +134,22 @@ def test_a_singular_pose_is_unresolved_where_the_reference_has_no_answer(questio
     assert {found[name].verdict for name in (REFERENCE, "e")} == {Verdict.UNRESOLVED}
     assert found["d"].verdict is Verdict.FAILED
     locks = replace(case_of(platform(0.8)), instants=3)  # its random states lead nowhere
-    assert judge_case(locks, [failed])[0].rule == ("singular pose" if question is Question.TRAJECTORY else "")
+    assert judge_case(locks, [failed])[0].rule == "singular pose"
     regular = case_of(four_bar_of([(0.0, 0.0), (0.1, 0.3), (0.6, 0.3), (0.5, 0.0)]))
     assert judge_case(regular, [failed])[0].verdict is Verdict.FAILED
+
+
+def test_instants_of_a_mechanism_that_locks_are_unresolved_on_all_engines():
+    """No engine can be asked for accelerations on a branch that is a single pose; one that crashes has failed."""
+    locks = replace(case_of(platform(0.8)), instants=3)
+    failed = Run("c", REFERENCE, Question.INSTANT, None, 0, None, Status.FAILED, reason=locks.undrawn)
+    died = replace(failed, engine="d", reason="the worker died")
+    found = {c.engine: c for c in judge_case(locks, [failed, replace(failed, engine="e"), died])}
+    for name in (REFERENCE, "e"):
+        assert (found[name].verdict, found[name].rule) == (Verdict.UNRESOLVED, "singular pose")
+        assert "mobility 1 at the pose alone: it locks" in found[name].why
+        assert "led nowhere" in found[name].why
+    assert found["d"].verdict is Verdict.FAILED
 
 
 def through_a_change_point():

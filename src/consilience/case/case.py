@@ -156,6 +156,15 @@ class Case:
         return [start, *random_states(self.mechanism, start, self.instants - 1, self.seed, TENTH / self.sample)]
 
     @cached_property
+    def undrawn(self) -> str:
+        """Why the states of the question `instant` cannot be drawn; empty if they can."""
+        try:
+            _ = self.states
+        except InvalidInput as error:
+            return str(error)
+        return ""
+
+    @cached_property
     def digest(self) -> str:
         """Digest of what the case asks: of its file, or without one, of the file that `save_case` writes."""
         if self.file_digest:

@@ -220,10 +220,12 @@ def _without_answer(case: Case, group: Sequence[Run]) -> Comparison:
     """Return the comparison of a group without answers, or without a reference.
 
     A motion that fails at steps at which no method need be stable is unresolved; so are instants, and motions from
-    there, that the reference does not answer at singular poses, and motions from there at which an engine stops.
+    there, that the reference does not answer at singular poses, instants of a mechanism that has no other state than
+    such a pose, and motions from there at which an engine stops.
     """
     run = next((run for run in group if run.status is not Status.ANSWERED), group[0])
     stops = run.question.over_time and failure_class(run.reason) in AT_A_STATE
+    stops = stops or (run.question.at_states and run.reason == case.undrawn != "")
     if run.question is not Question.MODEL and (run.engine == REFERENCE or run.status is Status.ANSWERED or stops):
         why = at_singular_pose(case, run.question)
         if why:
@@ -237,10 +239,9 @@ def _without_answer(case: Case, group: Sequence[Run]) -> Comparison:
 
 def at_singular_pose(case: Case, question: Question = Question.INSTANT) -> str:
     """Say which state of a question is the first at a singular pose, and what it is; nothing if none is known."""
-    try:
-        states = case.states if question.at_states else [case.initial_state]
-    except ConsilienceError:  # there are no states; the reason is that of the failed runs
+    if case.unassembled:  # the reason is that of the failed runs
         return ""
+    states = case.states if question.at_states and not case.undrawn else [case.initial_state]
     for n, state in enumerate(states):
         if is_singular(case.mechanism, state):
             return f"state {n} is at a singular pose ({singular_pose(case.mechanism, state)}): accelerations are open"
