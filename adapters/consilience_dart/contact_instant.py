@@ -13,6 +13,7 @@ corner, the second step takes the contact for open or for an impact, and there i
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -34,9 +35,9 @@ from consilience_dart.translation import Model
 CLOSED = 1e-9
 """Gap in m, and its rate, up to which a contact is closed."""
 
-STEP, DRIVEN = 1e-3, 1.25e-4
-"""Longest step in s, and that of a mechanism with drives, whose accelerations change in a step. Shorter ones are spoilt
-by rounding and by overlaps."""
+STEP, SHORTER = 1e-3, (1, 8, 64)
+"""Longest step in s, and its parts that are asked for one after the other until the accelerations settle: those of
+drives and of fast turning change in a step. Shorter steps are spoilt by rounding and by overlaps."""
 
 TURN, FRICTION = 1e-2, 30.0
 """Part by which friction may change a slip in a step, at this acceleration in m/s^2 or a larger one of a first step."""
@@ -190,7 +191,7 @@ def _mixed(touching: Touching, model: Model, change: Array) -> float:
 
 
 def _settled(steppers: Sequence[Stepper], c: Coordinates, state: State) -> _Settled:
-    """Solve by one solver of friction, and by the other where it leaves the accelerations open.
+    """Solve by one solver of friction, by the other and with shorter steps where it leaves the accelerations open.
 
     Raises
     ------
@@ -198,9 +199,9 @@ def _settled(steppers: Sequence[Stepper], c: Coordinates, state: State) -> _Sett
     """
     found: list[_Settled] = []
     why: ArithmeticError | None = None
-    for solver, stepping in zip(SOLVERS, steppers, strict=True):
+    for part, (solver, stepping) in product(SHORTER, zip(SOLVERS, steppers, strict=True)):
         try:
-            found.append(_by(solver, stepping, c, state))
+            found.append(_by(solver, stepping, c, state, part))
         except ArithmeticError as error:
             why = error
             continue
@@ -212,8 +213,8 @@ def _settled(steppers: Sequence[Stepper], c: Coordinates, state: State) -> _Sett
     return best
 
 
-def _by(solver: tuple[str, str, int], stepping: Stepper, c: Coordinates, state: State) -> _Settled:
-    """Extrapolate the second step to zero step, by a solver of friction.
+def _by(solver: tuple[str, str, int], stepping: Stepper, c: Coordinates, state: State, part: int) -> _Settled:
+    """Extrapolate the second step to zero step, by a solver of friction, from a part of the longest step.
 
     Raises
     ------
@@ -226,14 +227,13 @@ def _by(solver: tuple[str, str, int], stepping: Stepper, c: Coordinates, state: 
     slowest, resting = _slips(stepping.model, touching, state)
     stepping.step(1)
     starts = np.any(resting & (touching.modes == SLIDING))
-    longest = DRIVEN if touching.mechanism.drives else STEP
-    h = min(longest, TURN * slowest / max(FRICTION, touching.slip_rate))
+    h = min(STEP, TURN * slowest / max(FRICTION, touching.slip_rate)) / part
     quotients, forces, changes = [], [], []
-    for part in (1, 2, 4, 8):
-        last = _quotient(stepping, c, h / part, 2)
+    for halves in (1, 2, 4, 8):
+        last = _quotient(stepping, c, h / halves, 2)
         a, force = last.a, last.forces
         if starts:
-            last = _quotient(stepping, c, h / part, 3)
+            last = _quotient(stepping, c, h / halves, 3)
             a, force = 3.0 * last.a - 2.0 * a, 3.0 * last.forces - 2.0 * force
         quotients.append(a)
         forces.append(force)

@@ -328,13 +328,20 @@ def test_an_open_contact_does_not_soften_a_loop():
 
 @pytest.mark.parametrize(
     ("spreads", "chosen"),
-    [((5e-8, 0.0), 0), ((5e-7, 3e-7), 1), ((5e-7, 2e-3), 0), ((None, 3e-7), 1), ((2e-6, 3e-6), None)],
+    [
+        *(((5e-8, 0.0), 0), ((5e-7, 3e-7), 1), ((5e-7, 2e-3), 0), ((None, 3e-7), 1), ((2e-6, 3e-6), None)),
+        *(((2e-6, 3e-6, 5e-8), 2), ((2e-6, 3e-6, 2e-6, None, None, 8e-7), 5)),
+    ],
 )
-def test_the_solver_of_friction_that_settles_answers(spreads, chosen, monkeypatch):
-    def by(solver, number, c, state):
-        if spreads[number] is None:
-            raise ArithmeticError("fails")
-        return contact_instant._Settled(np.full(6, number), np.zeros((1, 3)), spreads[number])
+def test_the_solver_of_friction_and_the_step_that_settle_answer(spreads, chosen, monkeypatch):
+    """Spreads of both solvers at the longest step, then at shorter ones; others fail."""
+    asked = iter((*spreads, *[None] * (2 * len(contact_instant.SHORTER) - len(spreads))))
+
+    def by(solver, number, c, state, part):
+        n, spread = number + 2 * contact_instant.SHORTER.index(part), next(asked)
+        if spread is None:
+            raise ArithmeticError("DART's solvers of friction leave the accelerations open")
+        return contact_instant._Settled(np.full(6, n), np.zeros((1, 3)), spread)
 
     monkeypatch.setattr(contact_instant, "_by", by)
     if chosen is None:

@@ -1,13 +1,14 @@
 """Cases in other units: the same verdicts, and the same digits as far as they are not rounding.
 
-Long version, over the library: ``python tests/twins/test_units.py [-e ENGINE] [--turns] [name ...]``; --turns takes two
-units far off for each case, of length, mass and time by turns, and short motions of each engine's first method. What
-differs in units by powers of ten and not in units by powers of two is rounding of the data, to which the case is
-sensitive: a parallelogram of rounded lengths is none at its change point.
+Long version, over the library: ``python tests/twins/test_units.py [-e ENGINE] [--turns] [name ...]``; without -e all
+installed engines are asked. --turns takes two units far off for each case, of length, mass and time by turns, and short
+motions of each engine's first method. What differs in units by powers of ten and not in units by powers of two is
+rounding of the data, to which the case is sensitive: a parallelogram of rounded lengths is none at its change point.
 """
 
 import argparse
 import sys
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,9 +19,10 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from consilience.case import case_files, load_case, load_cases
 from consilience.compare import Verdict
+from consilience.compare.instants import EPS
 from consilience.compare.judge import REFERENCE
 from consilience.compare.motion import difference_over_time, size_of_motion
-from consilience.engine import Profile, Question
+from consilience.engine import Profile, Question, installed
 from consilience.mechanism import Frame, Initial, Units, in_units
 from consilience.suite import QUICK, Thoroughness, run_suite
 
@@ -39,7 +41,7 @@ TOGETHER = 8
 """Cases of one suite, whose engines are loaded once."""
 
 ROUNDING = 11.0
-"""Digits beyond which differences are rounding."""
+"""Digits beyond which differences are rounding, where a cell states no more of it."""
 
 _LENGTHS = ("distance", "x", "y", "position")
 
@@ -89,13 +91,28 @@ def moved(cases, units, runs):
             yield f"{case.name}: the motion differs by {off:.2g}"
 
 
+def rounding_of(found):
+    """Return the rounding that a cell states: of accelerations by their condition, of motions by the reference."""
+    if found.question is Question.TRAJECTORY:
+        return found.reference_spread or 0.0
+    conditions = [float(q.remark.split()[-1]) for q in found.quantities if q.name == "accelerations"]
+    return 4.0 * EPS * max(conditions, default=0.0)
+
+
 def digits_of(found):
     """Return the digits of a comparison that are not rounding."""
-    return min(ROUNDING, np.inf if found.digits is None else found.digits)
+    stated = min(ROUNDING, -np.log10(max(rounding_of(found), 1e-16)))
+    return min(stated, np.inf if found.digits is None else found.digits)
 
 
-def differences(cases, units, engines=(), questions=(Question.INSTANT, Question.TRAJECTORY), thoroughness=SHORT):
-    """What differs, by case, between its comparisons and those in its other units; what is unsupported does not."""
+def differences(
+    cases, units, engines=(), questions=(Question.INSTANT, Question.TRAJECTORY), thoroughness=SHORT, compared=None
+):
+    """What differs, by case, between its comparisons and those in its other units; what is unsupported does not.
+
+    `compared`, a Counter, counts the pairs of comparisons by their engines.
+    """
+    compared = Counter() if compared is None else compared
     twins = [
         [scaled(case, Units()), *(scaled(case, one) for one in own)] for case, own in zip(cases, units, strict=True)
     ]
@@ -104,13 +121,13 @@ def differences(cases, units, engines=(), questions=(Question.INSTANT, Question.
     return {
         case.name: [
             *moved(own, others, found.runs),
-            *unlike([[c for c in matched if c.case == one.name] for one in own]),
+            *unlike([[c for c in matched if c.case == one.name] for one in own], compared),
         ]
         for case, own, others in zip(cases, twins, units, strict=True)
     }
 
 
-def unlike(answers):
+def unlike(answers, compared):
     """What differs between the comparisons of a case and those in each of the other units."""
     for others in answers[1:]:
         same = {(c.engine, c.question, c.method): c for c in others}
@@ -118,6 +135,7 @@ def unlike(answers):
             if b is None or Verdict.UNSUPPORTED in (a.verdict, b.verdict):  # an engine's own bounds, in kg and m
                 assert a.engine != REFERENCE
                 continue
+            compared[a.engine] += 1
             if a.verdict is not b.verdict or abs(digits_of(a) - digits_of(b)) > 0.3:
                 what = f"{b.case}: {a.engine} {a.question} {a.method}"
                 yield f"{what}: {a.verdict} {a.digits}, {b.verdict} {b.digits} {b.why}"
@@ -133,7 +151,7 @@ def test_a_force_that_is_not_converted_fails_the_campaign(monkeypatch, capsys):
     monkeypatch.setitem(globals(), "in_units", forgetful)
     monkeypatch.setitem(globals(), "UNITS", UNITS[:1])
     monkeypatch.setitem(globals(), "BINARY", BINARY[:1])
-    assert main(["single_revolute"]) == 1
+    assert main(["single_revolute", "-e", REFERENCE]) == 1
     assert "the motion differs by" in capsys.readouterr().out
 
 
@@ -165,24 +183,24 @@ def main(arguments=None):
     parser.add_argument("--turns", action="store_true", help="two units and short motions for each case")
     asked = parser.parse_args(arguments)
     names, how = asked.names or [path.stem for path in case_files()], QUICK if asked.turns else SHORT
+    engines, compared = asked.engine or list(installed()), Counter()
     cases = [case for name in names for case in load_cases(name)]
     problems = sensitive = 0
     for first in range(0, len(cases), TOGETHER):
         chunk = cases[first : first + TOGETHER]
         turns = [TURNS[n % len(TURNS)] if asked.turns else range(len(UNITS)) for n in range(len(chunk))]
         decimal, binary = ([[units[n] for n in own] for own in turns] for units in (UNITS, BINARY))
-        found = differences(chunk, decimal, asked.engine, thoroughness=how)
+        found = differences(chunk, decimal, engines, thoroughness=how, compared=compared)
         for case, own in zip(chunk, binary, strict=True):
             lines = found[case.name]
-            if lines and not differences([case], [own], asked.engine, thoroughness=how)[case.name]:
+            if lines and not differences([case], [own], engines, thoroughness=how)[case.name]:
                 sensitive += 1
                 print(f"{case.name}: sensitive to the rounding of its data", *lines, sep="\n  ", flush=True)
             else:
                 problems += len(lines)
                 print(*lines, sep="\n", end="\n" if lines else "", flush=True)
-        print(
-            f"{first + len(chunk)} cases: {problems} differences, {sensitive} sensitive to the rounding of their data"
-        )
+        counts = f"{problems} differences, {sensitive} sensitive to the rounding of their data"
+        print(f"{first + len(chunk)} cases, {dict(compared)} compared: {counts}", flush=True)
     return int(problems > 0)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from consilience.engine import Manifest, Method, Profile, Question, Route
-from consilience.engine.worker.own_units import ORDINARY, SETTING, USUAL, with_units
+from consilience.engine.worker.own_units import ORDINARY, SETTING, USUAL, units_of, with_units
 from consilience.engine.worker.requests import Request, perform
 from consilience.mechanism import (
     Compliance,
@@ -131,3 +131,21 @@ def test_the_force_at_the_start_tells_the_unit_of_time_where_the_drawing_is_in_e
     start = initial_state(mechanism, Initial({joint.name: {"distance": characteristic_length(mechanism)}}))
     (found,) = with_units(mechanism, [start], Question.TRAJECTORY, METHODS[:1])
     assert 0.5 < rate * found.settings[SETTING][2] * USUAL[2] < 2.0
+
+
+@pytest.mark.parametrize(
+    ("base", "method"),
+    [(pendulum(Lab(), 0.3), METHODS[0]), (TREES["branched"], replace(METHODS[0], route=Route.EXTRAPOLATED))],
+)
+def test_answers_beyond_rounding_are_asked_in_the_same_units_at_any_size(base, method):
+    """What an adapter gets is the same to the last bit, for factors of two: absolute constants act alike."""
+    (start,), twice, given = states_of(base, 1), Units(2.0, 0.5, 4.0), []
+    for units in (Units(), twice):
+        mechanism, state = in_units(base, *units), units.convert(start)
+        (found,) = with_units(mechanism, [state], Question.INSTANT, (method,))
+        own = units_of(found)
+        given.append((in_units(mechanism, *own), own.convert(state)))
+    (first, at), (second, there) = given
+    assert [b.mass for b in first.bodies] == [b.mass for b in second.bodies]
+    for name, value in vars(at).items():
+        np.testing.assert_array_equal(getattr(there, name), value, err_msg=name)

@@ -1,8 +1,10 @@
 """Units in which engines compute with matched settings.
 
-Mechanics does not depend on units, but engines have absolute constants: least divisors, regularisations, thresholds of
-solvers. With matched settings a mechanism of unusual sizes is given in units in which they are usual; the factors are
-powers of two, so that nothing is rounded. At its own defaults an engine gets SI units.
+Mechanics does not depend on units, but engines and adapters have absolute constants: least divisors, regularisations,
+thresholds of solvers, steps, overlaps. With matched settings a mechanism of unusual sizes is given in units in which
+they are usual; the factors are powers of two, so that nothing is rounded. Answers that depend on absolute constants
+beyond rounding, extrapolated ones and those about contacts, stops and dry friction, have such units at any size. At its
+own defaults an engine gets SI units.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ import numpy as np
 from consilience.engine.answers import Method, Profile, Route
 from consilience.engine.questions import Question
 from consilience.mechanism import (
+    Array,
     ContactLaw,
     Mechanism,
     State,
@@ -32,7 +35,7 @@ USUAL = 0.25, 2.0, 0.125
 """Usual length, m, mass, kg, and time, s, of a mechanism: absolute constants of engines are made for them."""
 
 ORDINARY = 128.0
-"""Factor on usual sizes within which a mechanism has ordinary ones."""
+"""Factor on usual sizes within which a mechanism has ordinary ones: what depends on units there is rounding."""
 
 _PHYSICAL = (Question.MODEL, Question.INSTANT, Question.TRAJECTORY)
 
@@ -40,7 +43,7 @@ _PHYSICAL = (Question.MODEL, Question.INSTANT, Question.TRAJECTORY)
 def with_units(
     mechanism: Mechanism, states: Sequence[State], question: Question, methods: tuple[Method, ...]
 ) -> tuple[Method, ...]:
-    """Return methods of an engine with the units of a mechanism among their settings, if it is far from SI units.
+    """Return methods of an engine with the units of a mechanism among their settings, where they need any.
 
     The law of contact that a method solves has the numbers of the engine in these units; it is returned in SI units.
 
@@ -48,22 +51,29 @@ def with_units(
     ----------
     mechanism : Mechanism
     states : sequence of State
-        States of which the fastest velocity counts, and the forces at the first; without any, those in the drawing.
+        States of which the forces at the first count, and the fastest velocity; without any, forces in the drawing.
     question : Question
     methods : tuple of Method
     """
     if question not in _PHYSICAL:
         return methods
-    units = _units(mechanism, states)
-    if units == Units():
-        return methods
-    own = {SETTING: list(units.inverse)}
+    own = _units(mechanism, states)
+    far = Units(*(1.0 if 1.0 / ORDINARY <= factor <= ORDINARY else factor for factor in own))
+    touching = bool(mechanism.contacts or mechanism.stops or mechanism.dry_frictions)
     return tuple(
-        replace(m, settings={**m.settings, **own}, law=_law_in(units.inverse, m.law))
+        _in(own if touching or m.route is Route.EXTRAPOLATED else far, m)
         if m.profile is Profile.MATCHED and m.route is not Route.REFERENCE
         else m
         for m in methods
     )
+
+
+def _in(units: Units, method: Method) -> Method:
+    """Return a method with units among its settings, if they are not those of SI."""
+    if units == Units():
+        return method
+    settings = {**method.settings, SETTING: list(units.inverse)}
+    return replace(method, settings=settings, law=_law_in(units.inverse, method.law))
 
 
 def _law_in(units: Units, law: ContactLaw | None) -> ContactLaw | None:
@@ -74,16 +84,23 @@ def _law_in(units: Units, law: ContactLaw | None) -> ContactLaw | None:
 
 
 def _units(mechanism: Mechanism, states: Sequence[State]) -> Units:
-    """Return units in which the sizes of a mechanism are usual, SI where they are; the time is that of its motion."""
+    """Return units in which the sizes of a mechanism are usual.
+
+    The time is that in which forces move it; where they hardly do, that in which its velocities move it.
+    """
     mass, length = sum(body.mass for body in mechanism.bodies), characteristic_length(mechanism)
     with np.errstate(all="ignore"):  # forces in a drawing may overflow
         pull = applied_wrenches(mechanism, states[0] if states else drawing_state(mechanism)).total / (mass * length)
         pull[:, 3:] /= length
-        rates = [np.sqrt(np.abs(pull)), *(s.v_WB_W / length for s in states), *(s.w_WB_W for s in states)]
-        fastest = max(float(np.max(np.abs(rate))) for rate in rates)
+        forced = float(np.sqrt(np.max(np.abs(pull))))
+        moved = max((_largest(s.v_WB_W / length, s.w_WB_W) for s in states), default=0.0)
+    fastest = forced if forced * ORDINARY > moved else moved
     to_one = own_units(mechanism, 1.0 / fastest if 0.0 < fastest < np.inf else USUAL[2])
-    own = (size * factor for size, factor in zip(USUAL, to_one, strict=True))
-    return Units(*(1.0 if 1.0 / ORDINARY <= factor <= ORDINARY else factor for factor in own))
+    return Units(*(size * factor for size, factor in zip(USUAL, to_one, strict=True)))
+
+
+def _largest(*values: Array) -> float:
+    return max(float(np.max(np.abs(value))) for value in values)
 
 
 def units_of(method: Method | None) -> Units:
