@@ -57,6 +57,13 @@ def pytest_configure(config):
         config.option.markexpr = "not slow"
 
 
+@pytest.hookimpl(optionalhook=True, wrapper=True)
+def pytest_xdist_auto_num_workers(config):
+    """Start one process more than there are processors: tests of the harness often wait for other processes."""
+    count = yield
+    return count if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ else count + 1
+
+
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_setupnodes(config, specs):
     """Compile kernels before the worker processes of a whole run start; otherwise each process would compile them."""

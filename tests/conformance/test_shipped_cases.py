@@ -48,6 +48,7 @@ def test_every_engine_takes_these_cases(engine):
         assert all(engine.unsupported(case.mechanism, question) == () for question in Question), case.name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_trajectory_leads_to_the_reference_with_the_declared_order(engine, name):
     case = CASES[name]

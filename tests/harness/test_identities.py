@@ -377,6 +377,7 @@ def test_identities_do_not_know_the_reference():
 # ---------------------------------------------------------------- installed engines and the command
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["spatial_pendulum", "simple_pendulum-large", "four_bar"])
 @pytest.mark.parametrize("engine", ["exudyn", "pinocchio", "mujoco", "dart"])
 def test_installed_engines_obey_the_identities_on_shipped_cases(engine, name):

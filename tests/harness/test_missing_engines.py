@@ -53,12 +53,14 @@ def consilience(tmp_path_factory):
     return call
 
 
+@pytest.mark.slow
 def test_the_list_says_how_to_get_it(consilience):
     done = consilience("list")
     assert done.returncode == 0
     assert f"absent is not installed: {REMEDY}" in done.stdout
 
 
+@pytest.mark.slow
 def test_a_run_makes_the_report_of_the_reference_and_says_how_to_get_it(consilience):
     done = consilience("run", "double_pendulum", "-q", "model", "-e", "absent", "-o", "report")
     assert done.returncode == 3
@@ -70,6 +72,7 @@ def test_a_run_makes_the_report_of_the_reference_and_says_how_to_get_it(consilie
     assert "double_pendulum" in (consilience.folder / "report" / "report.md").read_text()
 
 
+@pytest.mark.slow
 def test_the_doctor_says_how_to_get_it(consilience):
     done = consilience("doctor", "-e", "absent", "-f", "json")
     assert done.returncode == 3
@@ -78,6 +81,7 @@ def test_the_doctor_says_how_to_get_it(consilience):
     assert found["remedy"].startswith(REMEDY)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "arguments",
     [

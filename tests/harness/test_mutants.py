@@ -12,6 +12,8 @@ from consilience.compare import Verdict
 from consilience.engine import Question
 from consilience.suite import Resources, run_suite
 
+pytestmark = pytest.mark.slow
+
 CASES = ("double_pendulum", "slider_crank")
 
 # mutant: the question and the first quantity that detect it

@@ -161,6 +161,7 @@ def test_a_case_in_other_units_has_the_same_verdicts_and_digits(name):
     assert not differences([load_case(name)], [[*UNITS[::3], Units(time=1e-6)]])[name]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "engines"),
     [

@@ -130,11 +130,13 @@ def test_friction_that_jams_under_a_rebound_alone_is_told_as_such():
     assert "jams (Painleve) under the rebound" in found.message
 
 
+@pytest.mark.slow
 def test_a_mechanism_that_takes_too_long_costs_the_others_nothing():
     found = list(campaign([24, 32], limit=0.2))
     assert [(one.seed, one.reason, one.agrees) for one in found] == [(24, "timed out", False), (32, "timed out", False)]
 
 
+@pytest.mark.slow
 def test_the_band_catches_friction_that_is_a_tenth_too_large():
     mechanism, start = random_contacts(3)
     wrong = replace(mechanism, contacts=tuple(replace(c, friction=1.1 * c.friction) for c in mechanism.contacts))

@@ -134,6 +134,7 @@ AFTER_A_RUN = {"docs/frames.md": 'frames.motions("first"', "docs/outputs.md": "r
 """Blocks that read files written by commands above them, so not run here; test_frames.py tests their functions."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", PYTHON, ids=lambda p: p.name)
 def test_python_blocks_run(page, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -124,6 +124,7 @@ def test_a_drawn_mechanism_is_the_one_that_its_file_says(tmp_path):
     assert angle["angle"] == pytest.approx(0.3, abs=1e-13)
 
 
+@pytest.mark.slow
 def test_what_is_drawn_built_saved_and_loaded_is_one_case_with_the_same_answers(tmp_path):
     """One digest, of what is asked; the answers of an engine and of the reference are the same to the last bit."""
     drawn = double_pendulum().case(start={"shoulder": 0.4}, rates={"elbow": {"angle1": 0.3}}, duration=0.1)

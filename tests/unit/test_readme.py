@@ -19,6 +19,7 @@ def blocks(language):
     return re.findall(rf"```{language}\n(.*?)```", README, flags=re.DOTALL)
 
 
+@pytest.mark.slow
 def test_the_python_example_draws_moves_and_compares(tmp_path, monkeypatch, capsys):
     """Twelve lines at most; the motion conserves energy, its plot is written, all engines mean the same model."""
     (code,) = blocks("python")

@@ -87,6 +87,7 @@ def test_a_state_that_only_couplings_or_drives_forbid_is_refused_for_one_of_them
         simulate(mechanism, state, TIMES, 1e-9, "relative")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("length", [1e-3, 1e3])
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("name", ["four_bar", "loop_rod", "loop_universal"])
