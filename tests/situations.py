@@ -200,6 +200,15 @@ SITUATIONS = (
         "a stop within a step, extrapolated", lambda h, s: 0.3 * h**2, D, "modes within steps", order=4, event="sticks"
     ),
     Situation("a stop within a step, too far", lambda h, s: 1e-3 + 0.3 * h**4, M, "elsewhere", order=4, event="sticks"),
+    Situation(
+        "a contact that opens a step late, extrapolated",
+        lambda h, s: 0.05 * h,
+        D,
+        "modes within steps",
+        order=4,
+        event="opens",
+    ),
+    Situation("a contact that opens, too far", lambda h, s: 0.1 + 0.3 * h**4, M, "elsewhere", order=4, event="opens"),
     Situation("impacts that scatter", noise(0.05), U, "impacts unclear", order=1, event="impact"),
     Situation("a pyramid for the cone", lambda h, s: OTHER + 0.02 * h, M, "cone shape", order=1, other="cone shape"),
     Situation(

@@ -120,24 +120,22 @@ def unilateral_methods(mechanism: Mechanism, question: Question, loops: bool) ->
         return (Method(INSTANT, Route.EXTRAPOLATED, settings=settings, contact_law=circle),)
     law = impact_law(mechanism)
     box = f"box along normal x world z, or along x and y of the world where the normal is z; {_IMPACT}"
-    return (
-        Method(CONES, Route.TUNED, 1, (10, 20, 40), settings=settings, contact_law=circle, law=law),
-        Method(
-            EXTRAPOLATED,
-            Route.EXTRAPOLATED,
-            3,
-            (4, 8, 16),
-            settings=settings | {"rotations below 1e-3 rad": "less t^3/6, which DART's exponential map adds"},
-            contact_law=circle,
-            law=law,
-        ),
-        Method(
-            BOX,
-            Route.NATIVE,
-            1,
-            (50, 100),
-            profile=Profile.DEFAULT,
-            contact_law=box if mechanism.contacts else "",
-            law=default_law(mechanism),
-        ),
+    cones = Method(CONES, Route.TUNED, 1, (10, 20, 40), settings=settings, contact_law=circle, law=law)
+    extrapolated = replace(
+        cones,
+        name=EXTRAPOLATED,
+        route=Route.EXTRAPOLATED,
+        order=3,
+        substeps=(4, 8, 16),
+        settings=settings | {"rotations below 1e-3 rad": "less t^3/6, which DART's exponential map adds"},
     )
+    defaults = Method(
+        BOX,
+        Route.NATIVE,
+        1,
+        (50, 100),
+        profile=Profile.DEFAULT,
+        contact_law=box if mechanism.contacts else "",
+        law=default_law(mechanism),
+    )
+    return (cones, defaults) if law is not None else (cones, extrapolated, defaults)  # what bounces has no order

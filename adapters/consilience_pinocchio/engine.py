@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -82,20 +83,22 @@ _EXTRAPOLATED = f"{_STEPPED}, extrapolated"
 
 
 def _touching(mechanism: Mechanism) -> dict[Question, tuple[Method, ...]]:
-    """Methods of a mechanism with contacts, stops or dry friction."""
+    """Methods of a mechanism with contacts, stops or dry friction; what bounces has no order to extrapolate."""
     associated = any(contact.associated for contact in mechanism.contacts)
     settings = SETTINGS | {"solve_ncp": not associated}
     rebounds = any(contact.restitution > 0.0 for contact in mechanism.contacts)
     moreau = ContactLaw(impact_law="moreau") if rebounds else None
     law = ("circle, associated" if associated else "circle") if mechanism.contacts else ""
     law += "; Moreau's impacts" if moreau else ""
-    stepping = Route.HARNESS_STEPPING
+    stepped = Method(
+        *(_STEPPED, Route.HARNESS_STEPPING, 1, (10, 20, 40)), settings=settings, contact_law=law, law=moreau
+    )
+    motions: tuple[Method, ...] = (stepped,)
+    if not rebounds and not any(stop.restitution > 0.0 for stop in mechanism.stops):
+        motions += (replace(stepped, name=_EXTRAPOLATED, order=3, substeps=(4, 8, 16)),)
     return {
         Question.INSTANT: (Method(_TOUCHING, Route.TUNED, settings=settings, contact_law=law),),
-        Question.TRAJECTORY: (
-            Method(_STEPPED, stepping, 1, (10, 20, 40), settings=settings, contact_law=law, law=moreau),
-            Method(_EXTRAPOLATED, stepping, 3, (4, 8, 16), settings=settings, contact_law=law, law=moreau),
-        ),
+        Question.TRAJECTORY: motions,
     }
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from consilience.audit.fuzz.population import specimen
+from consilience.case import load_cases
 from consilience.engine import CannotRepresent, Question, load_engine
 
 
@@ -34,3 +35,11 @@ def test_contacts_that_fit_in_no_way_at_rest_start_to_slide():
     case = specimen(35071, contacts=True).case
     with pytest.raises(CannotRepresent, match="starts to slide"):
         accelerations("exudyn", case)
+
+
+@pytest.mark.parametrize("engine", ["dart", "exudyn", "mujoco", "pinocchio"])
+@pytest.mark.parametrize("name", ["bounces_to_rest", "hinge_between_stops", "rod_hits_floor"])
+def test_what_bounces_has_no_order_above_one(engine, name):
+    engine, mechanism = load_engine(engine), load_cases(name)[0].mechanism
+    if not engine.unsupported(mechanism, Question.TRAJECTORY):
+        assert {method.order for method in engine.methods(mechanism, Question.TRAJECTORY)} == {1}

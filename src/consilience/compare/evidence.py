@@ -85,7 +85,8 @@ class Evidence:
         may be blind to the phase.
     jumps : float
         Largest displacement by jumps of the acceleration, where contacts or frictions change their mode, a step early
-        or late; of an order that does not follow from levels of smooth motions.
+        or late, growing with the time since contacts opened; of an order that does not follow from levels of smooth
+        motions.
     untried : bool
         Whether the engine has a softness that was not varied.
     law, law_cause : str

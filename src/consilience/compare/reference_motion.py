@@ -12,7 +12,7 @@ from consilience.compare.power import MotionSensitivity
 from consilience.engine import EVENT_KINDS, TrajectoryAnswer
 from consilience.mechanism import Array, Mechanism, State, first_singular
 
-IMPACT = EVENT_KINDS.index("impact")
+IMPACT, OPENS = EVENT_KINDS.index("impact"), EVENT_KINDS.index("opens")
 
 _SAMPLED = (
     *("time", "p_WB", "quat_WB", "v_WB_W", "w_WB_W"),
@@ -105,6 +105,13 @@ class ReferenceMotion:
         """Times of the other events, s: the acceleration jumps where contacts or frictions change their mode."""
         kinds, times = self.answer.event_kind, self.answer.event_time
         return np.zeros(0) if kinds is None or times is None else np.asarray(times)[np.asarray(kinds) != IMPACT]
+
+    def since_openings(self, end: float) -> float:
+        """Return the sum of the times since contacts opened, s: nothing brings back a speed that is off there."""
+        if self.answer.event_kind is None:
+            return 0.0
+        opened = np.asarray(self.answer.event_time)[np.asarray(self.answer.event_kind) == OPENS]
+        return float(np.sum(np.maximum(end - opened, 0.0)))
 
     def up_to(self, count: int) -> ReferenceMotion:
         """Return the first samples alone, for motions that end there."""

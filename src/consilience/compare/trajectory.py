@@ -216,7 +216,10 @@ class _Levels:
         return 2.0 * rate * step * float(np.sum(self.reference_motion.impacts <= end))
 
     def _jumps(self, end: float) -> float:
-        """Return the largest displacement by jumps of the acceleration up to a time that come a step early or late."""
+        """Return the largest displacement by jumps of the acceleration up to a time that come a step early or late.
+
+        A contact that opens leaves the speed that its last step had, and the displacement grows.
+        """
         step, method = self.steps[-1], self.runs[-1].method
         changes = np.sum(self.reference_motion.mode_changes <= end)
         if method is None or not method.substeps or not step or not changes:
@@ -226,7 +229,7 @@ class _Levels:
         rate = max(
             float(np.max(np.abs(speeds), initial=0.0)) / self.scales.size, float(np.max(np.abs(spins), initial=0.0))
         )
-        return 2.0 * rate * step**2 * float(changes)
+        return 2.0 * rate * step * (step * float(changes) + self.reference_motion.since_openings(end))
 
     def _other_law(self) -> dict[str, Any]:
         """Return the law of contact that the method solves, and the difference of the finest level to its motion."""
