@@ -137,8 +137,11 @@ def least_change(model: Model, rows: Array, wanted: Array) -> Array:
 
 
 @inner
-def _exchange_pivot(A: Array, b: Array, order: Array, k: int) -> float:
-    """Exchange rows and columns from k on so that the largest entry comes first; return its magnitude."""
+def _exchange_pivot(A: Array, b: Array, order: Array, k: int) -> tuple[float, float]:
+    """Exchange rows and columns from k on so that the largest entry comes first; return its magnitude.
+
+    And what the exchanges make of the determinant, -1 or 1.
+    """
     n, row, column, most = b.shape[0], k, k, -1.0
     for i in range(k, n):
         for j in range(k, n):
@@ -150,19 +153,23 @@ def _exchange_pivot(A: Array, b: Array, order: Array, k: int) -> float:
         A[k, j], A[row, j] = A[row, j], A[k, j]
     for i in range(n):
         A[i, k], A[i, column] = A[i, column], A[i, k]
-    return most
+    return most, 1.0 if (row == k) == (column == k) else -1.0
 
 
 @allocating
-def _eliminate(system: Array, wanted: Array, x: Array) -> bool:
-    """Add the solution of a small system to x, by elimination with complete pivoting; return whether it is regular."""
+def _eliminate(system: Array, wanted: Array, x: Array) -> float:
+    """Add the solution of a small system to x, by elimination with complete pivoting; return its determinant.
+
+    Zero, and nothing is added, where the system is not regular.
+    """
     A, b, n = system.copy(), wanted.copy(), wanted.shape[0]
-    order, first = np.arange(n), 1.0
+    order, first, determinant = np.arange(n), 1.0, 1.0
     for k in range(n):
-        most = _exchange_pivot(A, b, order, k)
+        most, turned = _exchange_pivot(A, b, order, k)
         first = max(first, most)
         if not most > REGULAR * first:
-            return False
+            return 0.0
+        determinant *= turned * A[k, k]
         for i in range(k + 1, n):
             factor = A[i, k] / A[k, k]
             b[i] -= factor * b[k]
@@ -173,16 +180,16 @@ def _eliminate(system: Array, wanted: Array, x: Array) -> bool:
         b[k] /= A[k, k]
     for k in range(n):
         x[order[k]] += b[k]
-    return True
+    return determinant
 
 
 @allocating
-def solve_small(system: Array, wanted: Array) -> Array:
-    """Solve a small system, of least norm where it is singular."""
-    x = np.zeros(wanted.shape[0])
-    if _eliminate(system, wanted, x):
+def solve_small(system: Array, wanted: Array, x: Array) -> float:
+    """Add the solution of a small system to x, of least norm where it is singular; return the determinant or zero."""
+    determinant = _eliminate(system, wanted, x)
+    if determinant != 0.0:
         _eliminate(system, wanted - system @ x, x)
-        return x
+        return determinant
     U, singular, Vt = np.linalg.svd(system)
     for _ in range(2):
         left = wanted - system @ x
@@ -193,4 +200,4 @@ def solve_small(system: Array, wanted: Array) -> Array:
                     s += U[i, k] * left[i]
                 for i in range(x.shape[0]):
                     x[i] += Vt[k, i] * (s / singular[k])
-    return x
+    return 0.0

@@ -24,14 +24,15 @@ from consilience.reference.kernel.operation import allocating_operation, array_o
 from consilience.reference.kernel.vectors import assign
 from consilience.reference.steppers.motion import DERIVATIVE, END_STEP
 
-FORCES, OBSERVE, MOVE, RESTRAIN, APPLY, FOLLOW, COLUMNS = range(4, 11)
+FORCES, OBSERVE, SAMPLE, MOVE, EVALUATE, FOLLOW, COLUMNS = range(4, 11)
 """Requests to `serve`, besides those of `motion`; z is a packed state:
 
-- compute the forces on all rows, out of shape (m,), and the rows;
+- compute the forces on all rows, out of shape (m,), and the rows; return the determinant of the scaled system of the
+  modes (`equations.determinant`), zero where it is nearly singular;
 - write gaps, rates and forces of all rows, n rows of out, at n times and states, n rows (t, y) of z;
+- project n states first, which overwrites them, and write what `_sample` lists, too;
 - evaluate the rows of contacts;
-- evaluate the rows of joints;
-- evaluate the applied forces, where the rotations are known;
+- evaluate the rows of contacts, those of joints and the applied forces;
 - replace the joint coordinates by their values;
 - write S and E at the last state, out of shape (2 r m,), see `_columns`.
 """
@@ -171,8 +172,8 @@ def _columns(modes: ActiveModes, rows: RowMotion, S: Array, E: Array, constant: 
 
 
 @allocating
-def _accelerations(system: ContactSystem, t: float, y: Array, a: Array, p: Array) -> None:
-    """Compute rows, accelerations and the forces on all rows in given modes.
+def _accelerations(system: ContactSystem, t: float, y: Array, a: Array, p: Array) -> float:
+    """Compute rows, accelerations and the forces on all rows in given modes; return the determinant of the modes.
 
     Parameters
     ----------
@@ -208,18 +209,20 @@ def _accelerations(system: ContactSystem, t: float, y: Array, a: Array, p: Array
         near = dot_rows(E[k], modes.chosen[0]) + (t - modes.since[0]) * dot_rows(E[k], modes.chosen[1])
         add_row(p, near, S[k])
     G = K @ K.T
-    free = load @ a + rows.bias + G @ p
+    free, determinant = load @ a + rows.bias + G @ p, 1.0
     if count > 0:
         of_row = np.abs(E) @ np.sqrt(np.sum(load * load, axis=1))
         for k in range(count):
             S[k] /= of_row[k]
             E[k] /= of_row[k]
-        x = solve_small(E @ (G @ np.ascontiguousarray(S.T)), -(E @ free))
+        x = np.zeros(count)
+        determinant = solve_small(E @ (G @ np.ascontiguousarray(S.T)), -(E @ free), x)
         for k in range(count):
             add_row(p, x[k], S[k])
     for r in range(p.shape[0]):
         add_row(a, p[r], K[r])
     solve_factor_transposed(model, a)
+    return determinant
 
 
 @allocating
@@ -308,15 +311,42 @@ def _project(system: ContactSystem, t: float, y: Array) -> None:
 
 
 @allocating
-def _observe(system: ContactSystem, z: Array, out: Array, size: int) -> None:
-    """Write gaps, rates and forces at times and states, whose packed size is given."""
+def _observe(system: ContactSystem, t: float, y: Array, found: Array) -> None:
+    """Write gaps, rates and forces of all rows at a state."""
     rows, gaps, m = system.rows, system.rows.gap.shape[0], system.rows.u.shape[0]
-    count = z.shape[0] // (1 + size)
-    states, found, a = z.reshape(count, -1), out.reshape(count, -1), np.zeros(rows.J.shape[1])
-    for k in range(count):
-        _accelerations(system, states[k, 0], states[k, 1:].reshape(-1, 13), a, found[k, gaps + m :])
-        assign(found[k, :gaps], rows.gap)
-        assign(found[k, gaps : gaps + m], rows.u)
+    _accelerations(system, t, y, np.zeros(rows.J.shape[1]), found[gaps + m : gaps + 2 * m])
+    assign(found[:gaps], rows.gap)
+    assign(found[gaps : gaps + m], rows.u)
+
+
+@inner
+def _append(found: Array, at: int, values: Array) -> int:
+    """Write values from a place on; return the place behind them."""
+    assign(found[at : at + values.shape[0]], values)
+    return at + values.shape[0]
+
+
+@allocating
+def _sample(system: ContactSystem, t: float, y: Array, found: Array) -> None:
+    """Project a state; write gap, u and forces, then bias and J of the rows, applied forces, and the rows of joints.
+
+    The turns of the system stay as they are. Of the joints: Q, gamma, the violations, the rates nu, and the limit of
+    the rank.
+    """
+    rows, ws, turns = system.rows, system.ws, system.turns.copy()
+    _project(system, t, y)
+    _observe(system, t, y, found)
+    at = _append(found, rows.gap.shape[0] + 2 * rows.u.shape[0], rows.bias)
+    for r in range(rows.J.shape[0]):
+        at = _append(found, at, rows.J[r])
+    at = _append(found, at, ws.f)
+    for r in range(ws.Q.shape[0]):
+        at = _append(found, at, ws.Q[r])
+    at = _append(found, at, ws.gamma)
+    at = _append(found, at, ws.value)
+    at = _append(found, at, ws.rate)
+    found[at] = system.modes.rank[0]
+    assign(system.turns, turns)
 
 
 @allocating_operation
@@ -335,20 +365,24 @@ def serve(system: ContactSystem, request: int, t: float, z: Array, out: Array) -
     elif request == END_STEP:
         _project(system, t, y)
     elif request == FORCES:
-        _accelerations(system, t, y, np.zeros(6 * bodies), result)
-    elif request == OBSERVE:
-        _observe(system, state, result, size)
+        return _accelerations(system, t, y, np.zeros(6 * bodies), result)
+    elif request in (OBSERVE, SAMPLE):
+        count = state.shape[0] // (1 + size)
+        states, found = state.reshape(count, -1), result.reshape(count, -1)
+        for k in range(count):
+            if request == SAMPLE:
+                _sample(system, states[k, 0], states[k, 1:].reshape(-1, 13), found[k])
+            else:
+                _observe(system, states[k, 0], states[k, 1:].reshape(-1, 13), found[k])
     elif request == COLUMNS:
         both = result.reshape(2, -1, rows.u.shape[0])
         _columns(system.modes, rows, both[0], both[1], np.zeros(rows.u.shape[0]))
-    elif request == APPLY:
-        forces.evaluate(model, t, y, system.turns, ws)
     elif request == FOLLOW:
         count_turns(model, y, ws, system.turns)
     else:
         rotations(y, ws.A)
-        if request == MOVE:
-            move_rows(model, system.pairs, system.limits, y, system.turns, ws.A, rows)
-        else:
+        move_rows(model, system.pairs, system.limits, y, system.turns, ws.A, rows)
+        if request == EVALUATE:
+            forces.evaluate(model, t, y, system.turns, ws)
             constraints.evaluate(model, t, y, system.turns, ws)
     return 0.0

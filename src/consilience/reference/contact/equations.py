@@ -27,13 +27,13 @@ from consilience.errors import NumericalFailure
 from consilience.mechanism import RANK_TOLERANCE, Array
 from consilience.reference.bodies.arrays import workspace
 from consilience.reference.contact.derivative import (
-    APPLY,
     COLUMNS,
+    EVALUATE,
     FOLLOW,
     FORCES,
     MOVE,
     OBSERVE,
-    RESTRAIN,
+    SAMPLE,
     ContactSystem,
     room_for_modes,
     serve,
@@ -48,7 +48,7 @@ from consilience.reference.contact.joint_friction import (
 from consilience.reference.contact.layout import RowLayout
 from consilience.reference.contact.pairs import RowMotion, row_motion
 from consilience.reference.contact.problem import ContactProblem
-from consilience.reference.contact.response import HELD, ObservedRows, Response
+from consilience.reference.contact.response import HELD, ObservedRows, Response, SampledRows
 from consilience.reference.contact.row_modes import RowModes, open_modes
 from consilience.reference.kernel.mechanism_record import record_of
 from consilience.reference.kernel.operation import BoundOperation
@@ -115,10 +115,10 @@ class ContactEquations:
         blocks = [part for mass, F in factors for part in (np.eye(3) / np.sqrt(mass), np.linalg.inv(F))]
         self.inverse = scipy.linalg.block_diag(*blocks)  # L^-1
 
-    def _ask(self, request: int, t: float, y: Array, turns: Array, out: Array = NOTHING) -> None:
+    def _ask(self, request: int, t: float, y: Array, turns: Array, out: Array = NOTHING) -> float:
         """Ask the compiled equations at a packed state."""
         self.turns[:] = turns
-        self._serve(request, t, y.reshape(-1), out)
+        return self._serve(request, t, y.reshape(-1), out)
 
     def move(self, t: float, y: Array, turns: Array) -> RowMotion:
         """Evaluate the rows at a packed state."""
@@ -127,7 +127,7 @@ class ContactEquations:
 
     def joint_rows(self, t: float, y: Array, turns: Array) -> tuple[Array, Array, Array]:
         """Return Q, the violations and the rates nu of the joints' rows at a packed state."""
-        self._ask(RESTRAIN, t, y, turns)
+        self._ask(EVALUATE, t, y, turns)
         return self._ws.Q, self._ws.value, self._ws.rate
 
     def follow(self, y: Array, turns: Array) -> None:
@@ -144,13 +144,12 @@ class ContactEquations:
 
     def respond(self, t: float, y: Array, turns: Array) -> Response:
         """Evaluate rows, free accelerations and the response to forces on the rows."""
-        rows, ws = self.move(t, y, turns), self._ws
-        self._ask(APPLY, t, y, turns)
+        rows, ws = self.rows, self._ws
+        self._ask(EVALUATE, t, y, turns)
         z, load = self.inverse @ ws.f, self.inverse @ rows.J.T
         pull = float(np.linalg.norm(z))
         K = load
         if len(ws.Q):
-            self._ask(RESTRAIN, t, y, turns)
             U, singular, Vt = np.linalg.svd(self.inverse @ ws.Q.T, full_matrices=False)
             rank = min(int(self.rank[0]), int(np.sum(singular > RANK_TOLERANCE * singular[0])))
             self.U, self.pseudo = U[:, :rank], Vt[:rank].T / singular[:rank]
@@ -162,20 +161,10 @@ class ContactEquations:
         return Response(z, K.T, load.T @ z + rows.bias + K.T @ (K @ given), load, given, reactions, pull)
 
     def free_velocities(self, response: Response, velocity: Array, h: float) -> tuple[Array, Array]:
-        """Return what a step h of the applied forces makes of velocities at the state of the response, without p.
+        """Return what a step h of the applied forces makes of velocities (v, w'), shape (6 n_b,), without p.
 
-        Parameters
-        ----------
-        velocity : ndarray, shape (6 n_b,)
-            (v, w') before.
-        h : float, s
-
-        Returns
-        -------
-        ndarray, shape (m,)
-            Rates of the rows, with the effect of forces that the state gives.
-        ndarray, shape (6 n_b,)
-            (v, w').
+        At the state of the response: rates of the rows, shape (m,), with the effect of forces that the state gives,
+        and (v, w').
         """
         z = np.linalg.solve(self.inverse.T, velocity) + h * (self.inverse @ self._ws.f + response.K.T @ response.given)
         if len(self._ws.Q):
@@ -193,10 +182,6 @@ class ContactEquations:
         motion = np.stack([self.rows.gap[self._springs], self.rows.u[3 * self._springs]])
         return -np.sum(self._law.T * motion, axis=0)
 
-    def stored(self, pressed: Array) -> float:
-        """Return the energy in the springs of the compliant contacts that are pressed, at the last state, J."""
-        return float(0.5 * np.sum((self._law[:, 0] * self.rows.gap[self._springs] ** 2)[pressed]))
-
     def _given(self) -> Array:
         """Return the forces of compliant contacts at the last state, shape (m,); they bound friction."""
         given = np.zeros(len(self.layout.names))
@@ -211,10 +196,7 @@ class ContactEquations:
     def _reaction(self, j: int, z: Array, load: Array) -> JointReaction:
         """Return the reaction that bounds a friction set, at the state of U and `pseudo`, as of the forces of rows.
 
-        Raises
-        ------
-        NumericalFailure
-            Constraints that depend on one another leave it undetermined.
+        Dependent constraints that leave it undetermined raise `NumericalFailure`.
         """
         joint = self._reacting[j]
         across = reaction_across(self.layout, joint, self._ws)
@@ -322,10 +304,7 @@ class ContactEquations:
         self._modes.spring[k], self._modes.law[k] = self._springs[s], self._law[s]
 
     def choose(self, t: float, force: Array, rate: Array | float = 0.0) -> None:
-        """Let forces that the modes taken over leave undetermined be the nearest to others, shape (m,), N (N m).
-
-        The others change at a rate, shape (m,), from the time t on.
-        """
+        """Let forces that the modes leave undetermined be the nearest to others, shape (m,), which change at a rate."""
         self._modes.since[0], self._modes.chosen[0], self._modes.chosen[1] = t, force, rate
 
     def columns(self) -> tuple[Array, Array]:
@@ -380,18 +359,39 @@ class ContactEquations:
         self._ask(FORCES, t, y, turns, p)
         return p
 
+    def determinant(self, t: float, y: Array, turns: Array) -> float:
+        """Return ``det E G S``, scaled by rows without joints, of the modes taken over; zero where nearly singular."""
+        return self._ask(FORCES, t, y, turns, np.zeros(len(self.layout.names)))
+
     def observe(self, times: Array, states: Array, turns: Array) -> ObservedRows:
         """Return the rows and the forces on them at times (n,) and packed states (n, ...), in the modes taken over."""
         count, gaps, m = len(times), len(self.rows.gap), len(self.layout.names)
         found, offset = np.zeros((count, gaps + 2 * m)), self.offsets[None].repeat(count, axis=0)
-        if self.reacting:
-            for k, t in enumerate(times.tolist()):
-                force = self.row_forces(t, states[k], turns)
-                found[k], offset[k] = np.concatenate([self.rows.gap, self.rows.u, force]), self.offsets
-        else:
+        for k in range(count if self.reacting else 0):
+            force = self.row_forces(float(times[k]), states[k], turns)
+            found[k], offset[k] = np.concatenate([self.rows.gap, self.rows.u, force]), self.offsets
+        if not self.reacting:
             self.turns[:] = turns
             self._serve(OBSERVE, 0.0, np.column_stack([times, states.reshape(count, -1)]).ravel(), found.reshape(-1))
         return ObservedRows(found[:, :gaps], found[:, gaps : gaps + m], found[:, gaps + m :], offset)
+
+    def sample(self, times: Array, states: Array, turns: Array) -> SampledRows:
+        """Return states (n, ...) at times (n,), projected onto what lasts in the modes taken over, with all rows."""
+        count, joints, shape = len(times), self._ws.Q.shape, self.rows.J.shape
+        widths = [len(self.rows.gap), *[shape[0]] * 3, self.rows.J.size, shape[1], self._ws.Q.size, *[joints[0]] * 3, 1]
+        ends, z = np.cumsum(widths), np.column_stack([times, states.reshape(count, -1)])
+        found, offset = np.zeros((count, ends[-1])), self.offsets[None].repeat(count, axis=0)
+        self._modes.halted[:] = 0
+        self.turns[:] = turns
+        self._serve(SAMPLE, 0.0, z.reshape(-1), found.reshape(-1))
+        for k in range(count if self.reacting else 0):
+            self._give(float(times[k]), z[k, 1:], turns)
+            self._serve(SAMPLE, 0.0, z[k], found[k])
+            offset[k] = self.offsets
+        gap, u, force, bias, J, applied, Q, *joint = np.split(found, ends[:-1], axis=1)
+        rows = J.reshape(count, *shape), applied, Q.reshape(count, *joints), *joint
+        many = turns[None].repeat(count, axis=0)
+        return SampledRows(times, z[:, 1:].reshape(states.shape), many, gap, u, force, offset, bias, *rows)
 
     def row_forces(self, t: float, y: Array, turns: Array) -> Array:
         """Return the forces on all rows at a packed state, in the modes taken over, shape (m,)."""

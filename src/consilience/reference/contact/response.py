@@ -47,3 +47,23 @@ class ObservedRows(NamedTuple):
     u: Array  # (n, m)
     force: Array  # (n, m)
     offset: Array  # (n, n_f)
+
+
+class SampledRows(NamedTuple):
+    """States at n times, projected, with the rows of contacts and joints there and the forces on those of contacts."""
+
+    times: Array  # (n,)
+    states: Array  # (n, ...) packed
+    turns: Array  # (n, n_q) near those of the states
+    gap: Array  # (n, n_p + n_l) as of `RowMotion`
+    u: Array  # (n, m)
+    force: Array  # (n, m)
+    offset: Array  # (n, n_f)
+    bias: Array  # (n, m)
+    J: Array  # (n, m, 6 n_b)
+    applied: Array  # (n, 6 n_b) forces and torques on the bodies
+    Q: Array  # (n, q, 6 n_b) of the joints, and their gamma, violations and rates nu, each (n, q)
+    gamma: Array
+    value: Array
+    rate: Array
+    rank: Array  # (n, 1) upper limit of the rank of Q

@@ -10,6 +10,7 @@ from consilience.engine import EVENT_KINDS, TrajectoryAnswer
 from consilience.mechanism import Array, continuous_in_time
 from consilience.reference.bodies.arrays import unpack
 from consilience.reference.contact.layout import RowLayout
+from consilience.reference.contact.response import SampledRows
 from consilience.reference.contact.row_modes import RowModes
 from consilience.reference.contact.stepper import Stepper
 
@@ -72,39 +73,36 @@ class Samples:
     def __init__(self, layout: RowLayout) -> None:
         self._layout = layout
         self.events: list[ContactEvent] = []
-        self._states: list[Array] = []
-        self._gaps: list[Array] = []
-        self._impulses: list[Array] = []
-        self._modes: list[Array] = []
-        self._losses: list[float] = []
+        self._modes = np.zeros(0)  # of the sites, now
+        springs = [layout.parts[k].compliance.stiffness for k in layout.springs]
+        self._stiffness, self._owner = np.array(springs), layout.site[3 * np.arange(len(layout.parts))]
+        self._found: list[tuple[Array, ...]] = []  # states, gaps, impulses, modes and losses of each step
 
-    def record(self, stepper: Stepper, t: float) -> tuple[float, Array, Array]:
-        """Record the state at a time within the last step, or at its end; return time, packed state and turns."""
-        layout = self._layout
-        contacts = len(layout.mechanism.contacts)
-        y, impulse, loss, turns = stepper.sample(t)
-        rows = stepper.equations.move(t, y, turns)
-        gaps = np.full(contacts, np.inf)
-        np.minimum.at(gaps, layout.site[3 * np.arange(len(layout.parts))], rows.gap[: len(layout.parts)])
-        self._states.append(y)
-        self._gaps.append(gaps)
-        self._impulses.append(impulse)
-        self._modes.append(site_modes(layout, stepper.modes)[:contacts])
-        self._losses.append(loss - stepper.equations.stored(stepper.modes.pressed))
-        return t, y, turns
+    def record(self, stepper: Stepper, times: Array) -> SampledRows:
+        """Record the states at times (n,) within the last step, or at its end; return the rows there."""
+        layout, count = self._layout, len(times)
+        contacts, parts = len(layout.mechanism.contacts), len(layout.parts)
+        rows, impulse, loss = stepper.sample(times)
+        gaps = np.full((contacts, count), np.inf)
+        np.minimum.at(gaps, self._owner, rows.gap[:, :parts].T)
+        stored = 0.5 * rows.gap[:, list(layout.springs)] ** 2 @ (self._stiffness * stepper.modes.pressed)
+        modes = self._modes[None, :contacts].repeat(count, axis=0)
+        self._found.append((rows.states, gaps.T, impulse, modes, loss - stored))
+        return rows
 
     def add(self, time: float, kind: str, site: int) -> None:
         """Add an event."""
         self.events.append(ContactEvent(time, kind, site, self._layout.sites[site]))
 
-    def compare(self, time: float, before: RowModes, after: RowModes, hit: set[int], stopped: frozenset[int]) -> None:
-        """Add the events that impacts of normals, modes before and after, and slips that reverse tell."""
-        layout = self._layout
+    def change_modes(self, time: float, modes: RowModes, hit: set[int], stopped: frozenset[int]) -> None:
+        """Add the events that impacts of normals, modes until now and from now on, and slips that reverse tell."""
+        layout, after = self._layout, site_modes(self._layout, modes)
+        before, self._modes = self._modes if len(self._modes) else after, after
         reversed_ = {int(layout.site[layout.friction[j].rows[0]]) for j in stopped}
         struck = dict.fromkeys(int(layout.site[layout.normals[n]]) for n in sorted(hit))
         for site in struck:
             self.add(time, "impact", site)
-        for site, (old, new) in enumerate(zip(site_modes(layout, before), site_modes(layout, after), strict=True)):
+        for site, (old, new) in enumerate(zip(before, after, strict=True)):
             turned = site in reversed_ and old == new == SLIDING
             if (old == new and not turned) or (site in struck and old == SEPARATED):
                 continue
@@ -117,7 +115,8 @@ class Samples:
 
     def answer(self, times: Array, counters: dict[str, int | float]) -> TrajectoryAnswer:
         """Return the answer of all samples."""
-        p, quat, v, w = unpack(self._layout.smooth, np.array(self._states))
+        states, gaps, impulses, modes, losses = (np.concatenate(part) for part in zip(*self._found, strict=True))
+        p, quat, v, w = unpack(self._layout.smooth, states)
         events = self.in_order()
         return TrajectoryAnswer(
             times,
@@ -126,10 +125,10 @@ class Samples:
             v,
             w,
             counters,
-            contact_gap=np.array(self._gaps),
-            contact_impulse=np.diff(np.array(self._impulses), axis=0, prepend=np.array(self._impulses)[:1]),
-            contact_mode=np.array(self._modes),
-            contact_loss=np.array(self._losses) - self._losses[0],
+            contact_gap=gaps,
+            contact_impulse=np.diff(impulses, axis=0, prepend=impulses[:1]),
+            contact_mode=modes,
+            contact_loss=losses - losses[0],
             event_time=np.array([event.time for event in events]),
             event_contact=np.array([event.site for event in events], dtype=np.int64),
             event_kind=np.array([EVENT_KINDS.index(event.kind) for event in events], dtype=np.int64),

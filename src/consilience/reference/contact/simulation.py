@@ -42,7 +42,7 @@ from consilience.reference.contact.layout import layout_of
 from consilience.reference.contact.response import Response
 from consilience.reference.contact.row_modes import RowModes, open_modes
 from consilience.reference.contact.samples import ContactEvent, Samples
-from consilience.reference.contact.self_check import check_laws, refuse_jam, refuse_overlap
+from consilience.reference.contact.self_check import UncheckedSamples, refuse_jam, refuse_overlap
 from consilience.reference.contact.slip_headings import STILL, STOPPED, SlipHeadings
 from consilience.reference.contact.speeds import fastest, speed_from_rest
 from consilience.reference.contact.stepper import Stepper
@@ -57,6 +57,7 @@ _SINKS = 1e-8  # acceleration into a plane that counts as zero, over that of fal
 _STEPS = 4  # least number of steps of a motion
 _CHAIN = 1000  # impacts at one instant
 _AT_ONCE = 100  # events at one instant
+_AT_MOST = 100  # samples that are taken together
 _CRAWL = 1e-8
 
 
@@ -120,6 +121,7 @@ class _ContactSimulation:
             self.equations, state, start, tolerance, open_modes(self.layout), self.span / _STEPS or np.inf
         )
         self.samples, self.recorded = Samples(self.layout), 0
+        self.unchecked = UncheckedSamples(self.equations)
         self.impacts: list[Impact] = []
         radii = [part.radius for part in self.layout.parts if hasattr(part, "radius")]
         self.length = max([characteristic_length(mechanism), *radii])
@@ -136,23 +138,28 @@ class _ContactSimulation:
         self.equations.press(TOUCHING * self.length)
         self._settle(frozenset(), {}, frozenset(), first=True)
         end = float(self.times[-1])
-        self._record(self.stepper.t)
-        while self.stepper.t < end:
-            self._advance(end)
+        try:
             self._record(self.stepper.t)
+            while self.stepper.t < end:
+                self._advance(end)
+                self._record(self.stepper.t)
+        finally:  # a sample that violates a law is told before what fails behind it
+            self.unchecked.check()
         counters: dict[str, int | float] = {**self.stepper.counters, "impacts": len(self.impacts)}
         return self.samples.answer(self.times, counters)
 
     def _record(self, until: float) -> None:
         """Record the samples that the last step has reached."""
-        while self.recorded < len(self.times) and self.times[self.recorded] <= until:
-            at = self.samples.record(self.stepper, float(self.times[self.recorded]))
-            check_laws(self.equations, self.stepper.modes, at, self.speed)
-            self.recorded += 1
+        reached = int(np.searchsorted(self.times, until, side="right"))
+        for first in range(self.recorded, reached, _AT_MOST):
+            rows = self.samples.record(self.stepper, self.times[first : min(reached, first + _AT_MOST)])
+            self.unchecked.add(self.stepper.modes, rows, self.speed)
+        self.recorded = reached
 
     def _record_before(self) -> None:
-        """Record the samples before an event at the end of the last step, in the modes until then."""
+        """Record the samples before an event at the end of the last step, and check all of the modes until then."""
         self._record(float(np.nextafter(self.stepper.t, -np.inf)))
+        self.unchecked.check()
 
     # ------------------------------------------------------------------------------------------------------- steps
 
@@ -169,7 +176,7 @@ class _ContactSimulation:
             stepper.go_back_to(back, self._halted)
         self.speed = self._speeds()
         if any(heading is not None for heading in stepper.modes.heading):
-            refuse_jam(self.equations, stepper.respond(stepper.t, stepper.y), stepper.modes, stepper.t)
+            refuse_jam(self.equations, stepper.modes, (stepper.t, stepper.y, stepper.turns))
         parts = max(PARTS, int(np.ceil(INTERVALS * (stepper.t - stepper.started) / self.span)))
         nodes = stepper.started + (stepper.t - stepper.started) / parts * np.arange(parts + 1)
         nodes[-1] = stepper.t
@@ -280,16 +287,9 @@ class _ContactSimulation:
     ) -> None:
         """Apply impacts, decide the modes of all that touches, and continue in them.
 
-        Parameters
-        ----------
-        opened, closing : frozenset of int
-            Normals whose force, or whose gap, has just fallen to zero.
-        started : dict
-            Directions in which friction sets begin to slide.
-        stopped : frozenset of int
-            Friction sets whose slip has just fallen to zero.
-        first : bool
-            Whether the motion begins.
+        `opened` and `closing` are normals whose force, or whose gap, has just fallen to zero, `started` the directions
+        in which friction sets begin to slide, `stopped` those whose slip has just fallen to zero; `first` tells that
+        the motion begins.
         """
         before = self.stepper.modes
         hit = self._hit(closing)
@@ -319,7 +319,7 @@ class _ContactSimulation:
         rests = [not np.any(sliding[list(one.rows)]) for one in self.layout.friction]
         self.slips.begin(np.flatnonzero(np.logical_and(slides, rests)).tolist(), self.speed)
         self.stepper.change_modes(found.modes, halted)
-        self.samples.compare(self.stepper.t, found.modes if first else before, found.modes, hit, stopped)
+        self.samples.change_modes(self.stepper.t, found.modes, hit, stopped)
         self.functions.renew(found, self.stepper, self.speed)
         self.bounces.note(found)
 

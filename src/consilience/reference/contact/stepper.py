@@ -19,7 +19,7 @@ from consilience.errors import NumericalFailure
 from consilience.mechanism import Array, State
 from consilience.reference.bodies.arrays import pack, unpack
 from consilience.reference.contact.equations import ContactEquations
-from consilience.reference.contact.response import Response
+from consilience.reference.contact.response import Response, SampledRows
 from consilience.reference.contact.row_modes import RowModes
 from consilience.reference.kernel.operation import BoundOperation
 from consilience.reference.steppers.explicit import DOP853, explicit_arrays, step
@@ -148,14 +148,14 @@ class Stepper:
             found[times >= start] = dense(times[times >= start])
         return found
 
-    def sample(self, t: float) -> tuple[Array, Array, float, Array]:
-        """Return state, impulses, loss and turns within the last step, projected as at its end."""
-        if t == self.t:
-            return self.y.copy(), self.impulse, self.loss, self.turns
-        Y, turns = self._interpolated(np.array([t]))[0], self._turns.copy()
-        self.equations.project(t, Y, turns)
-        y, impulse = Y[: self._count].reshape(self._shape), Y[self._count : -1].reshape(-1, 3)
-        return y, self.equations.mass * impulse, self.equations.mass * float(Y[-1]), turns
+    def sample(self, times: Array) -> tuple[SampledRows, Array, Array]:
+        """Return rows, impulses (n, n_c, 3) and losses (n,) at times within the last step, projected as at its end."""
+        ended = times == self.t
+        Y = self._Y[None] if ended.all() else np.where(ended[:, None], self._Y, self._interpolated(times))
+        rows = self.equations.sample(times, Y[:, : self._count].reshape(-1, *self._shape), self._turns)
+        rows.states[ended] = self.y
+        impulse = Y[:, self._count : -1].reshape(len(times), -1, 3)
+        return rows, self.equations.mass * impulse, self.equations.mass * Y[:, -1]
 
     def turn(self, heading: tuple[Array | None, ...]) -> None:
         """Continue with other headings of what slides."""
