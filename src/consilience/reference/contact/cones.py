@@ -23,9 +23,9 @@ from consilience.reference.contact.problem import ContactProblem, Modes
 _GAP = 1e-14
 """Distance from the optimum at which the barrier method ends, relative to the forces."""
 
-_NEWTON, _BINDS, _DEPENDENT, _NEAR = 4, 1e-6, 1e-9, 1e-4
-"""Steps of Newton's method after the barrier; margins that count as equal, and singular values as zero; the largest
-change."""
+_NEWTON, _BINDS, _DEPENDENT, _NEAR, _POLISHED = 4, 1e-6, 1e-9, 1e-4, 1e-11
+"""Largest number of steps of Newton's method after the barrier; margins that count as equal, and singular values as
+zero; the largest change; the change of a step, behind which another one changes rounding alone."""
 
 _FURTHEST = 10.0
 """Largest margin that is looked for, relative to the forces of least norm: wedged contacts hold one another with forces
@@ -201,6 +201,8 @@ def _polished(cones: _Cones, force: Array, Z: Array, y: Array) -> Array:
         wanted[:k], wanted[k:-1], wanted[-1] = -gradient.T @ share, -margin[binding], 1.0 - np.sum(share)
         change = np.linalg.lstsq(system, wanted, rcond=_DEPENDENT)[0][:k]
         y = y + change
+        if np.max(np.abs(change), initial=0.0) <= _POLISHED:
+            break
     return y if np.max(np.abs(y - first), initial=0.0) <= _NEAR else first
 
 

@@ -30,7 +30,7 @@ FORCES, OBSERVE, SAMPLE, MOVE, EVALUATE, FOLLOW, COLUMNS = range(4, 11)
 - compute the forces on all rows, out of shape (m,), and the rows; return the determinant of the scaled system of the
   modes (`equations.determinant`), zero where it is nearly singular;
 - write gaps, rates and forces of all rows, n rows of out, at n times and states, n rows (t, y) of z;
-- project n states first, which overwrites them, and write what `_sample` lists, too;
+- project n states first, which overwrites them, rows (t, y, turns), and write what `_sample` lists, too;
 - evaluate the rows of contacts;
 - evaluate the rows of contacts, those of joints and the applied forces;
 - replace the joint coordinates by their values;
@@ -330,10 +330,9 @@ def _append(found: Array, at: int, values: Array) -> int:
 def _sample(system: ContactSystem, t: float, y: Array, found: Array) -> None:
     """Project a state; write gap, u and forces, then bias and J of the rows, applied forces, and the rows of joints.
 
-    The turns of the system stay as they are. Of the joints: Q, gamma, the violations, the rates nu, and the limit of
-    the rank.
+    Of the joints: Q, gamma, the violations, the rates nu, and the limit of the rank.
     """
-    rows, ws, turns = system.rows, system.ws, system.turns.copy()
+    rows, ws = system.rows, system.ws
     _project(system, t, y)
     _observe(system, t, y, found)
     at = _append(found, rows.gap.shape[0] + 2 * rows.u.shape[0], rows.bias)
@@ -346,7 +345,6 @@ def _sample(system: ContactSystem, t: float, y: Array, found: Array) -> None:
     at = _append(found, at, ws.value)
     at = _append(found, at, ws.rate)
     found[at] = system.modes.rank[0]
-    assign(system.turns, turns)
 
 
 @allocating_operation
@@ -367,13 +365,16 @@ def serve(system: ContactSystem, request: int, t: float, z: Array, out: Array) -
     elif request == FORCES:
         return _accelerations(system, t, y, np.zeros(6 * bodies), result)
     elif request in (OBSERVE, SAMPLE):
-        count = state.shape[0] // (1 + size)
+        turns = system.turns
+        count = state.shape[0] // (1 + size + (turns.shape[0] if request == SAMPLE else 0))
         states, found = state.reshape(count, -1), result.reshape(count, -1)
         for k in range(count):
+            at, y = states[k, 0], states[k, 1 : 1 + size].reshape(-1, 13)
             if request == SAMPLE:
-                _sample(system, states[k, 0], states[k, 1:].reshape(-1, 13), found[k])
+                assign(turns, states[k, 1 + size :])
+                _sample(system, at, y, found[k])
             else:
-                _observe(system, states[k, 0], states[k, 1:].reshape(-1, 13), found[k])
+                _observe(system, at, y, found[k])
     elif request == COLUMNS:
         both = result.reshape(2, -1, rows.u.shape[0])
         _columns(system.modes, rows, both[0], both[1], np.zeros(rows.u.shape[0]))

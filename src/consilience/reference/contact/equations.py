@@ -17,7 +17,6 @@ are reactions of joints follow from the forces of all rows (`joint_friction`).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import cast
 
 import numpy as np
@@ -25,19 +24,8 @@ import scipy
 
 from consilience.errors import NumericalFailure
 from consilience.mechanism import RANK_TOLERANCE, Array
-from consilience.reference.bodies.arrays import workspace
-from consilience.reference.contact.derivative import (
-    COLUMNS,
-    EVALUATE,
-    FOLLOW,
-    FORCES,
-    MOVE,
-    OBSERVE,
-    SAMPLE,
-    ContactSystem,
-    room_for_modes,
-    serve,
-)
+from consilience.reference.contact.compiled_equations import CompiledEquations
+from consilience.reference.contact.derivative import EVALUATE, FORCES, OBSERVE, SAMPLE
 from consilience.reference.contact.joint_friction import (
     LOCKED,
     JointReaction,
@@ -46,101 +34,44 @@ from consilience.reference.contact.joint_friction import (
     reaction_across,
 )
 from consilience.reference.contact.layout import RowLayout
-from consilience.reference.contact.pairs import RowMotion, row_motion
 from consilience.reference.contact.problem import ContactProblem
 from consilience.reference.contact.response import HELD, ObservedRows, Response, SampledRows
 from consilience.reference.contact.row_modes import RowModes, open_modes
-from consilience.reference.kernel.mechanism_record import record_of
-from consilience.reference.kernel.operation import BoundOperation
-from consilience.reference.steppers.motion import DERIVATIVE, END_STEP, Kernel
-
-NOTHING = np.zeros(0)
-"""What a request to compiled equations neither reads nor writes."""
+from consilience.reference.steppers.motion import DERIVATIVE
 
 _DETERMINED = 1e-9
 """Part of a reaction, over the reaction, that dependent constraints may leave open."""
 
 
-class ContactEquations:
+class ContactEquations(CompiledEquations):
     """Equations of motion with contacts at packed states; work arrays are overwritten at each evaluation.
 
     Attributes
     ----------
-    layout : RowLayout
-    rows : RowMotion
-        Of the last state.
-    rank : ndarray of int, shape (1,)
-        Upper limit of the rank of the joint rows.
     acting : list of int
         Friction sets of the modes taken over.
     held : ndarray, shape (n_f,), m/s
         Slip of each friction set below which the direction of its force is the heading.
     pressed : ndarray of bool, shape (n_s,)
         Which compliant contacts carry a force.
-    offsets : ndarray, shape (n_f,)
-        Constant part of the bound of each friction set at the last state.
-    turns : ndarray, shape (n_q,)
-        Joint coordinates from which compiled equations count full turns.
-    mass : float, kg
-        Of all bodies: unit of impulses and losses in states that steppers integrate.
     reacting : bool
         Whether reactions bound the friction of the modes taken over: `kernel` cannot tell them.
-    kernel : Kernel
-        `derivative.serve`, for steppers.
     """
 
     def __init__(self, layout: RowLayout) -> None:
-        self.layout, self.model = layout, layout.model
-        bodies, m = len(self.model.mass), len(layout.names)
-        self._ws = workspace(self.model)
-        self.rows: RowMotion = record_of(row_motion(len(layout.parts), len(layout.limits), m, bodies))
-        self.rank, self.held = np.array([len(self._ws.Q)]), np.zeros(len(layout.friction))
-        self.acting: list[int] = []
+        super().__init__(layout)
+        self.held, self.acting = np.zeros(len(layout.friction)), list[int]()
         self.pressed = np.zeros(len(layout.springs), dtype=bool)
-        self.offsets = np.array([one.offset for one in layout.friction])
         self._springs = np.array(layout.springs, dtype=np.int64)
         laws = [layout.parts[k].compliance for k in layout.springs]
         self._law = np.array([(law.stiffness, law.damping) for law in laws]).reshape(-1, 2)
         self._bounded = {3 * k: s for s, k in enumerate(layout.springs)}
         self._reacting = reacting_joints(layout)
         self.reacting = False
-        self.mass = float(np.sum(self.model.mass))
-        self._modes = record_of(room_for_modes(layout, self.rank))
-        self.turns = np.zeros(len(self.model.coordinate))
-        record = self.model, layout.pairs, layout.limits, self.rows, self._ws, self._modes, self.turns, self.mass
-        self._serve = BoundOperation(serve, ContactSystem(*record))
-        self.kernel = Kernel(*self._serve.addresses)
         self.activate(open_modes(layout))
         factors = zip(self.model.mass, self.model.inertia_factor, strict=True)
         blocks = [part for mass, F in factors for part in (np.eye(3) / np.sqrt(mass), np.linalg.inv(F))]
         self.inverse = scipy.linalg.block_diag(*blocks)  # L^-1
-
-    def _ask(self, request: int, t: float, y: Array, turns: Array, out: Array = NOTHING) -> float:
-        """Ask the compiled equations at a packed state."""
-        self.turns[:] = turns
-        return self._serve(request, t, y.reshape(-1), out)
-
-    def move(self, t: float, y: Array, turns: Array) -> RowMotion:
-        """Evaluate the rows at a packed state."""
-        self._ask(MOVE, t, y, turns)
-        return self.rows
-
-    def joint_rows(self, t: float, y: Array, turns: Array) -> tuple[Array, Array, Array]:
-        """Return Q, the violations and the rates nu of the joints' rows at a packed state."""
-        self._ask(EVALUATE, t, y, turns)
-        return self._ws.Q, self._ws.value, self._ws.rate
-
-    def follow(self, y: Array, turns: Array) -> None:
-        """Replace the joint coordinates that are read, shape (n_q,), by their values at a packed state."""
-        self._ask(FOLLOW, 0.0, y, turns)
-        turns[:] = self.turns
-
-    def project(self, t: float, Y: Array, turns: Array, halted: Sequence[int] = ()) -> None:
-        """Project a state onto what lasts and rows that have halted (`derivative.serve`), and follow its turns."""
-        self._modes.halted[:] = 0
-        self._modes.halted[list(halted)] = 1
-        self._ask(END_STEP, t, Y, turns)
-        turns[:] = self.turns
 
     def respond(self, t: float, y: Array, turns: Array) -> Response:
         """Evaluate rows, free accelerations and the response to forces on the rows."""
@@ -307,12 +238,6 @@ class ContactEquations:
         """Let forces that the modes leave undetermined be the nearest to others, shape (m,), which change at a rate."""
         self._modes.since[0], self._modes.chosen[0], self._modes.chosen[1] = t, force, rate
 
-    def columns(self) -> tuple[Array, Array]:
-        """Return S and E of the modes taken over, at the last state, shape (m, r) and (r, m); see `problem`."""
-        both = np.zeros((2, self._modes.acting[0] + int(np.sum(self._modes.holds)), len(self.layout.names)))
-        self._serve(COLUMNS, 0.0, NOTHING, both.reshape(-1))
-        return both[0].T, both[1]
-
     def heading(self, j: int) -> Array:
         """Return the heading of a disc that slides, shape (2,), along the tangents of the last state."""
         k = self.acting.index(j)
@@ -377,21 +302,16 @@ class ContactEquations:
 
     def sample(self, times: Array, states: Array, turns: Array) -> SampledRows:
         """Return states (n, ...) at times (n,), projected onto what lasts in the modes taken over, with all rows."""
-        count, joints, shape = len(times), self._ws.Q.shape, self.rows.J.shape
-        widths = [len(self.rows.gap), *[shape[0]] * 3, self.rows.J.size, shape[1], self._ws.Q.size, *[joints[0]] * 3, 1]
-        ends, z = np.cumsum(widths), np.column_stack([times, states.reshape(count, -1)])
-        found, offset = np.zeros((count, ends[-1])), self.offsets[None].repeat(count, axis=0)
+        count = len(times)
+        z = np.column_stack([times, states.reshape(count, -1), turns[None].repeat(count, axis=0)])
+        found, offset = np.zeros((count, self.width)), self.offsets[None].repeat(count, axis=0)
         self._modes.halted[:] = 0
-        self.turns[:] = turns
         self._serve(SAMPLE, 0.0, z.reshape(-1), found.reshape(-1))
         for k in range(count if self.reacting else 0):
-            self._give(float(times[k]), z[k, 1:], turns)
+            self._give(float(times[k]), z[k, 1 : z.shape[1] - len(turns)], turns)
             self._serve(SAMPLE, 0.0, z[k], found[k])
             offset[k] = self.offsets
-        gap, u, force, bias, J, applied, Q, *joint = np.split(found, ends[:-1], axis=1)
-        rows = J.reshape(count, *shape), applied, Q.reshape(count, *joints), *joint
-        many = turns[None].repeat(count, axis=0)
-        return SampledRows(times, z[:, 1:].reshape(states.shape), many, gap, u, force, offset, bias, *rows)
+        return self.sampled_rows(z, found)._replace(offset=offset)
 
     def row_forces(self, t: float, y: Array, turns: Array) -> Array:
         """Return the forces on all rows at a packed state, in the modes taken over, shape (m,)."""

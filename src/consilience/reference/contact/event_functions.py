@@ -6,7 +6,7 @@ import numpy as np
 
 from consilience.mechanism import Array
 from consilience.reference.contact.equations import ContactEquations
-from consilience.reference.contact.events import ARMED, ROUNDING, Watch, friction_margin
+from consilience.reference.contact.events import ARMED, CLEAR, ROUNDING, Watch, friction_margin
 from consilience.reference.contact.lasting import LastingContact, sliding_rates, widest_margin
 from consilience.reference.contact.response import ObservedRows
 from consilience.reference.contact.row_modes import RowModes
@@ -14,9 +14,6 @@ from consilience.reference.contact.stepper import Stepper
 
 _LEAST_FORCE = 1e-3
 """Least scale of forces, over the weight of all bodies."""
-
-CLEAR = 1e-2
-"""Margin of undetermined forces, over the forces, from which it stands for the widest, whose sign it has."""
 
 _RISING = 1e-11
 """Rate of a gap from which it counts, over the speeds of the mechanism."""

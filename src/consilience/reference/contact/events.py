@@ -32,6 +32,7 @@ import scipy
 
 from consilience.mechanism import Array
 from consilience.reference.contact.problem import FrictionMode, FrictionSet
+from consilience.reference.contact.quiet_steps import INTERVALS, PARTS
 
 ARMED = 1e-9
 """Value, over its scale, from which an event function counts."""
@@ -39,8 +40,9 @@ ARMED = 1e-9
 ROUNDING = 1e-5
 """Value below zero, over that of `ARMED`, from which a function that rises counts."""
 
-PARTS, INTERVALS = 6, 96
-"""Least number of parts of a step, and of a motion, at whose ends event functions are evaluated."""
+
+CLEAR = 1e-2
+"""Margin of undetermined forces, over the forces, from which it stands for the widest, whose sign it has."""
 
 
 @dataclass(frozen=True)
@@ -100,6 +102,14 @@ def friction_margin(one: FrictionSet, mode: FrictionMode, force: Array, offset: 
 
 Values = Callable[[Array], tuple[Array, Array]]
 """Values of all watches at times within the last step, and their rates where known (else NaN), each (n_t, n_w)."""
+
+
+def nodes_of(start: float, end: float, span: float) -> Array:
+    """Return the times of a step at which event functions are evaluated, equidistant; span of the motion, s."""
+    parts = max(PARTS, int(np.ceil(INTERVALS * (end - start) / span)))
+    nodes = start + (end - start) / parts * np.arange(parts + 1)
+    nodes[-1] = end
+    return nodes
 
 
 def first_zero(values: Values, nodes: Array, armed: Array, watches: list[Watch]) -> tuple[float, int] | None:

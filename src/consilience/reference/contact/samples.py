@@ -12,7 +12,6 @@ from consilience.reference.bodies.arrays import unpack
 from consilience.reference.contact.layout import RowLayout
 from consilience.reference.contact.response import SampledRows
 from consilience.reference.contact.row_modes import RowModes
-from consilience.reference.contact.stepper import Stepper
 
 SEPARATED, SLIDING, STICKING = 0, 1, 2
 """Modes of a site; of several parts one that slides decides."""
@@ -73,22 +72,21 @@ class Samples:
     def __init__(self, layout: RowLayout) -> None:
         self._layout = layout
         self.events: list[ContactEvent] = []
-        self._modes = np.zeros(0)  # of the sites, now
+        self._mass, self._modes = float(np.sum(layout.model.mass)), np.zeros(0)  # of the sites, now
         springs = [layout.parts[k].compliance.stiffness for k in layout.springs]
         self._stiffness, self._owner = np.array(springs), layout.site[3 * np.arange(len(layout.parts))]
         self._found: list[tuple[Array, ...]] = []  # states, gaps, impulses, modes and losses of each step
 
-    def record(self, stepper: Stepper, times: Array) -> SampledRows:
-        """Record the states at times (n,) within the last step, or at its end; return the rows there."""
-        layout, count = self._layout, len(times)
+    def record(self, modes: RowModes, rows: SampledRows, sums: Array) -> None:
+        """Record samples with impulses and losses over the mass, shape (n, 3 n_c + 1)."""
+        layout, count = self._layout, len(rows.times)
         contacts, parts = len(layout.mechanism.contacts), len(layout.parts)
-        rows, impulse, loss = stepper.sample(times)
         gaps = np.full((contacts, count), np.inf)
         np.minimum.at(gaps, self._owner, rows.gap[:, :parts].T)
-        stored = 0.5 * rows.gap[:, list(layout.springs)] ** 2 @ (self._stiffness * stepper.modes.pressed)
-        modes = self._modes[None, :contacts].repeat(count, axis=0)
-        self._found.append((rows.states, gaps.T, impulse, modes, loss - stored))
-        return rows
+        stored = 0.5 * rows.gap[:, list(layout.springs)] ** 2 @ (self._stiffness * modes.pressed)
+        impulses, losses = self._mass * sums[:, :-1].reshape(count, -1, 3), self._mass * sums[:, -1] - stored
+        shown = self._modes[None, :contacts].repeat(count, axis=0)
+        self._found.append((rows.states, gaps.T, impulses, shown, losses))
 
     def add(self, time: float, kind: str, site: int) -> None:
         """Add an event."""

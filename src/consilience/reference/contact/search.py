@@ -71,6 +71,7 @@ class ModeSearch:
         self.acceleration_unit = float(np.max(np.abs(problem.free) / problem.row_scale(), initial=0.0)) or 1.0
         self.best: tuple[float, str] = (np.inf, "no candidate")
         self.started: frozenset[int] = frozenset()
+        self.unique = False  # whether a sufficient condition for that holds
         self._last: tuple[ModeSolution, StickingMargin] | None = None
         self.family: ModeSolution | None = None  # a solution of modes that leave accelerations open
 
@@ -96,10 +97,11 @@ class ModeSearch:
         self, preferred: Modes | None, exhaustive: bool
     ) -> tuple[ModeSolution, tuple[ModeSolution, ...], bool | None]:
         """Return the first admissible solution, the others, and whether there are none."""
+        self.unique = proven_unique(self.problem)
         found = self.first(preferred)
         if found is None or found is self.family or (self.family is not None and self.differs(found, self.family)):
             raise self.failure()
-        if proven_unique(self.problem):
+        if self.unique:
             return found, (), True
         others: list[ModeSolution] = []
         all_tried = exhaustive and candidates.count(self.problem) <= _MOST
@@ -150,6 +152,8 @@ class ModeSearch:
     def _candidates(self, preferred: Modes | None) -> Iterator[Modes]:
         if preferred is not None:
             yield preferred
+        if self.unique:  # any admissible one will do
+            yield self.natural
         for outer in (False, True):
             modes = (candidates.PyramidProblem(self.problem, outer) if outer else self.pyramids).guess()
             if modes is not None:

@@ -31,6 +31,7 @@ from consilience.reference.contact.equations import ContactEquations
 from consilience.reference.contact.lasting import sliding_rates, widest_margin
 from consilience.reference.contact.mode_system import sliding_indicator
 from consilience.reference.contact.problem import FrictionSet
+from consilience.reference.contact.quiet_steps import JAMS
 from consilience.reference.contact.response import HELD, SampledRows
 from consilience.reference.contact.row_modes import RowModes
 
@@ -43,11 +44,29 @@ BAR = 1e-7
 _TOGETHER = 64
 """Largest number of additions that are checked together: it bounds the memory."""
 
+_AT_ONCE = 100
+"""Largest number of events at one instant."""
+
 _SLIDES = 1e-4
 """Slip, over the speeds of the mechanism, from which its direction is checked."""
 
-_JAMS = 1e-6
-"""Determinant of modes in which sliding friction counts as jammed."""
+
+class EventsAtOnce:
+    """Number of events at the present instant."""
+
+    def __init__(self) -> None:
+        self._time, self._count = -np.inf, 0
+
+    def add(self, time: float) -> None:
+        """Count an event; refuse those that follow one another without end while no time passes.
+
+        Raises
+        ------
+        NumericalFailure
+        """
+        self._time, self._count = time, self._count + 1 if time == self._time else 0
+        if self._count > _AT_ONCE:
+            raise NumericalFailure(f"{_AT_ONCE} events of contact at the instant t = {time:.12g} s: they do not settle")
 
 
 class UncheckedSamples:
@@ -274,13 +293,13 @@ def refuse_jam(equations: ContactEquations, modes: RowModes, at: tuple[float, Ar
         for one, mode in zip(equations.layout.friction, modes.friction, strict=True)
         if mode is not None and np.any(mode.drag) and one.load in equations.layout.normals
     ]
-    if not loaded or equations.determinant(*at) > _JAMS:
+    if not loaded or equations.determinant(*at) > JAMS:
         return
     response = equations.respond(*at)
     scale = np.linalg.norm(response.load, axis=0)
     scale[scale == 0.0] = 1.0
     value = sliding_indicator(response.K @ response.K.T, scale, *equations.columns())
-    if value <= _JAMS:
+    if value <= JAMS:
         raise NumericalFailure(
             f"{', '.join(dict.fromkeys(loaded))}, t = {at[0]:.12g} s: sliding friction jams (Painleve): the "
             f"determinant of its equations, relative to that without friction, has fallen to {value:.3g}"

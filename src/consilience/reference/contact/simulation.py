@@ -25,8 +25,8 @@ from consilience.mechanism import Array, Contact, Mechanism, State, characterist
 from consilience.reference.bodies.canonical import sample_times
 from consilience.reference.contact.bounces import Bounces
 from consilience.reference.contact.equations import ContactEquations
-from consilience.reference.contact.event_functions import CLEAR, EventFunctions
-from consilience.reference.contact.events import INTERVALS, PARTS, Watch, first_zero, start_of_slip
+from consilience.reference.contact.event_functions import EventFunctions
+from consilience.reference.contact.events import CLEAR, Watch, first_zero, nodes_of, start_of_slip
 from consilience.reference.contact.hops import rows_at_rest, what_lifts
 from consilience.reference.contact.impact import Impact, apply_impact
 from consilience.reference.contact.lasting import (
@@ -39,11 +39,12 @@ from consilience.reference.contact.lasting import (
     telling_time,
 )
 from consilience.reference.contact.layout import layout_of
-from consilience.reference.contact.response import Response
+from consilience.reference.contact.quiet_steps import STILL
+from consilience.reference.contact.response import Response, SampledRows
 from consilience.reference.contact.row_modes import RowModes, open_modes
 from consilience.reference.contact.samples import ContactEvent, Samples
-from consilience.reference.contact.self_check import UncheckedSamples, refuse_jam, refuse_overlap
-from consilience.reference.contact.slip_headings import STILL, STOPPED, SlipHeadings
+from consilience.reference.contact.self_check import EventsAtOnce, UncheckedSamples, refuse_jam, refuse_overlap
+from consilience.reference.contact.slip_headings import STOPPED, SlipHeadings
 from consilience.reference.contact.speeds import fastest, speed_from_rest
 from consilience.reference.contact.stepper import Stepper
 
@@ -56,7 +57,6 @@ GRAZING = 1e-13
 _SINKS = 1e-8  # acceleration into a plane that counts as zero, over that of falling
 _STEPS = 4  # least number of steps of a motion
 _CHAIN = 1000  # impacts at one instant
-_AT_ONCE = 100  # events at one instant
 _AT_MOST = 100  # samples that are taken together
 _CRAWL = 1e-8
 
@@ -130,7 +130,8 @@ class _ContactSimulation:
         self.bounces = Bounces(self.layout, self.length)
         self.slips = SlipHeadings(self.equations)
         self.functions = EventFunctions(self.equations, self.length)
-        self.at_once = (float("-inf"), 0)
+        self.quiet = self.stepper.quiet_steps(self.times, self.length, self.span)
+        self.at_once = EventsAtOnce()
 
     def integrate(self) -> TrajectoryAnswer:
         """Integrate step by step; samples are taken within steps."""
@@ -141,8 +142,10 @@ class _ContactSimulation:
         try:
             self._record(self.stepper.t)
             while self.stepper.t < end:
-                self._advance(end)
-                self._record(self.stepper.t)
+                self._march(end)
+                if self.stepper.t < end:
+                    self._advance(end)
+                    self._record(self.stepper.t)
         finally:  # a sample that violates a law is told before what fails behind it
             self.unchecked.check()
         counters: dict[str, int | float] = {**self.stepper.counters, "impacts": len(self.impacts)}
@@ -151,10 +154,14 @@ class _ContactSimulation:
     def _record(self, until: float) -> None:
         """Record the samples that the last step has reached."""
         reached = int(np.searchsorted(self.times, until, side="right"))
-        for first in range(self.recorded, reached, _AT_MOST):
-            rows = self.samples.record(self.stepper, self.times[first : min(reached, first + _AT_MOST)])
-            self.unchecked.add(self.stepper.modes, rows, self.speed)
-        self.recorded = reached
+        while self.recorded < reached:
+            self._keep(*self.stepper.sample(self.times[self.recorded : min(reached, self.recorded + _AT_MOST)]))
+
+    def _keep(self, rows: SampledRows, sums: Array) -> None:
+        """Keep samples, with impulses and losses."""
+        self.samples.record(self.stepper.modes, rows, sums)
+        self.unchecked.add(self.stepper.modes, rows, self.speed)
+        self.recorded += len(rows.times)
 
     def _record_before(self) -> None:
         """Record the samples before an event at the end of the last step, and check all of the modes until then."""
@@ -162,6 +169,14 @@ class _ContactSimulation:
         self.unchecked.check()
 
     # ------------------------------------------------------------------------------------------------------- steps
+
+    def _march(self, bound: float) -> None:
+        """Take the steps in which nothing happens."""
+        open_ = self.stepper.drifts or self.slips.leaving
+        if self.quiet.able and np.all(self.functions.armed) and not open_:
+            self.speed = self.stepper.march(self.quiet, bound, self.speed, self.recorded)
+            if self.quiet.now["recorded"][0] > self.recorded:
+                self._keep(*self.quiet.sampled())
 
     def _advance(self, bound: float) -> None:
         """Take one step, to its first event if there is one."""
@@ -177,10 +192,7 @@ class _ContactSimulation:
         self.speed = self._speeds()
         if any(heading is not None for heading in stepper.modes.heading):
             refuse_jam(self.equations, stepper.modes, (stepper.t, stepper.y, stepper.turns))
-        parts = max(PARTS, int(np.ceil(INTERVALS * (stepper.t - stepper.started) / self.span)))
-        nodes = stepper.started + (stepper.t - stepper.started) / parts * np.arange(parts + 1)
-        nodes[-1] = stepper.t
-        armed = self.functions.armed.copy()
+        nodes, armed = nodes_of(stepper.started, stepper.t, self.span), self.functions.armed.copy()
         found = first_zero(self._values, nodes, self.functions.armed, self.functions.watches)
         if found is None:
             if room > 0.0 and self.functions.room(stepper) <= -(CLEAR**4):
@@ -200,7 +212,7 @@ class _ContactSimulation:
             self._happens(watch)
         else:
             self._settle_halted()
-        self._refuse_standstill()
+        self.at_once.add(stepper.t)
 
     def _halted(self) -> int | None:
         """Return a friction set that has slipped to a halt by the end of the last step."""
@@ -212,13 +224,6 @@ class _ContactSimulation:
         if halted is not None:
             self._record_before()
             self._settle(frozenset(), {}, frozenset([halted]))
-
-    def _refuse_standstill(self) -> None:
-        """Refuse events that follow one another without end while no time passes."""
-        now = self.stepper.t
-        self.at_once = (now, self.at_once[1] + 1 if now == self.at_once[0] else 0)
-        if self.at_once[1] > _AT_ONCE:
-            raise NumericalFailure(f"{_AT_ONCE} events of contact at the instant t = {now:.12g} s: they do not settle")
 
     def _stops(self, t: float, watch: Watch) -> bool:
         """Return whether the slip of a friction set vanishes at t, rather than turns away from its heading."""
@@ -255,11 +260,8 @@ class _ContactSimulation:
 
     def _happens(self, watch: Watch) -> None:
         """Draw the consequence of an event, and settle."""
-        opened: set[int] = set()
+        modes, opened, stopped, closing = self.stepper.modes, set[int](), set[int](), set[int]()
         started: dict[int, Array] = {}
-        stopped: set[int] = set()
-        modes = self.stepper.modes
-        closing: set[int] = set()
         if watch.kind == "slip" or (watch.kind == "turn" and self._stops(self.stepper.t, watch)):
             stopped.add(watch.index)
         elif watch.kind == "gap":
@@ -321,6 +323,7 @@ class _ContactSimulation:
         self.stepper.change_modes(found.modes, halted)
         self.samples.change_modes(self.stepper.t, found.modes, hit, stopped)
         self.functions.renew(found, self.stepper, self.speed)
+        self.quiet.watch(self.functions.watches, found.modes)
         self.bounces.note(found)
 
     def _decide(

@@ -13,21 +13,14 @@ import numpy as np
 
 from consilience.mechanism import Array
 from consilience.reference.contact.equations import ContactEquations
+from consilience.reference.contact.quiet_steps import SLOW, STARTING, STILL, STOPPING, STRAIGHT
 from consilience.reference.contact.stepper import Stepper
-
-STILL = 1e-11
-"""Rates that count as zero, over the speeds of the mechanism."""
 
 STOPPED = 1e-9
 """Slip across the heading with which a contact stops, over the same."""
 
-_STOPPING = 1e-12  # slip below which the heading of what stops is kept, over the same
-_STARTING = 3e-10  # slip up to which the heading of what starts is kept, over the same
-_STIFF, _SLOW = 100.0, 1e-2
-"""Acceleration by friction over that of the slip, from which steps are implicit; largest such slip, over the speeds."""
-
+_STIFF = 100.0  # acceleration by friction over that of the slip, from which steps are implicit
 _FIRST = 0.05  # part of a step that is repeated where a line is left: slip along a curve asks for shorter ones
-_STRAIGHT = 3e-11  # turn of a slip, rad, below which it is along a line
 
 
 class SlipHeadings:
@@ -36,12 +29,12 @@ class SlipHeadings:
     def __init__(self, equations: ContactEquations) -> None:
         self._equations, self._friction = equations, equations.layout.friction
         self._began: dict[int, float] = {}  # slips at the start of the step
-        self._leaving: set[int] = set()  # what leaves its line there
+        self.leaving: set[int] = set()  # what leaves its line there
         self._rising: set[int] = set()  # what has started to slide and is slower yet than what stops
 
     def begin(self, started: Collection[int], speed: float) -> None:
         """Begin with modes in which some friction sets start to slide; `speed` is that of the mechanism, m/s."""
-        self._equations.held[:] = _STOPPING * speed
+        self._equations.held[:] = STOPPING * speed
         self._equations.held[list(started)] = np.inf
         self._rising = set(started)
 
@@ -62,35 +55,35 @@ class SlipHeadings:
         for j, slip in slips:
             size, h = float(np.linalg.norm(slip)), self._equations.heading(j)
             heading[j], self._began[j] = h, size
-            if j in self._leaving:
-                held[j] = _STOPPING * speed
+            if j in self.leaving:
+                held[j] = STOPPING * speed
             if size > STOPPED * speed:
                 self._rising.discard(j)
             if size > max(held[j], STILL * speed):
-                straight = _across(slip, h) <= _STRAIGHT * size and j not in self._leaving
-                held[j] = np.inf if straight else _STOPPING * speed
+                straight = _across(slip, h) <= STRAIGHT * size and j not in self.leaving
+                held[j] = np.inf if straight else STOPPING * speed
                 heading[j] = direction(slip, h, float(held[j]))
         if slips:
             stepper.turn(tuple(heading))
-        self._leaving.clear()
+        self.leaving.clear()
         stepper.slow = self._stiff_slip(stepper, speed)
 
     def leaves_line(self, stepper: Stepper, speed: float) -> float | None:
         """Return the time at which to end the last step instead, as a slip has left its line within it; or None.
 
-        What has started to slide leaves its line at `_STARTING`, any other at once.
+        What has started to slide leaves its line at `STARTING`, any other at once.
         """
         held, back, freed = self._equations.held, None, False
         for j, slip in self._slips(stepper):
-            size, least = float(np.linalg.norm(slip)), _STARTING * speed
-            off = _across(slip, self._equations.heading(j)) > max(_STRAIGHT * size, STILL * speed)
+            size, least = float(np.linalg.norm(slip)), STARTING * speed
+            off = _across(slip, self._equations.heading(j)) > max(stepper.straight * size, STILL * speed)
             if held[j] < np.inf or not off or size <= 2.0 * least:
                 continue
             if self._began.get(j, 0.0) < least:
-                self._leaving.add(j)
+                self.leaving.add(j)
                 t = stepper.started + (stepper.t - stepper.started) * float(np.sqrt(least / size))
             else:
-                held[j], t = _STOPPING * speed, stepper.started + _FIRST * (stepper.t - stepper.started)
+                held[j], t = STOPPING * speed, stepper.started + _FIRST * (stepper.t - stepper.started)
                 freed = True
             back = t if back is None else min(back, t)
         if freed:
@@ -102,7 +95,7 @@ class SlipHeadings:
         slow = {
             j: float(np.linalg.norm(slip))
             for j, slip in self._slips(stepper)
-            if np.isfinite(self._equations.held[j]) and float(np.linalg.norm(slip)) < _SLOW * speed
+            if np.isfinite(self._equations.held[j]) and float(np.linalg.norm(slip)) < SLOW * speed
         }
         if not slow:
             return 0.0

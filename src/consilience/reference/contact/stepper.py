@@ -19,6 +19,8 @@ from consilience.errors import NumericalFailure
 from consilience.mechanism import Array, State
 from consilience.reference.bodies.arrays import pack, unpack
 from consilience.reference.contact.equations import ContactEquations
+from consilience.reference.contact.march import QuietSteps
+from consilience.reference.contact.quiet_steps import SHORTEST, STRAIGHT
 from consilience.reference.contact.response import Response, SampledRows
 from consilience.reference.contact.row_modes import RowModes
 from consilience.reference.kernel.operation import BoundOperation
@@ -32,14 +34,15 @@ from consilience.reference.steppers.motion import (
     PREPARE,
     SPEED,
     SPIN,
+    Kernel,
     new_motion,
 )
 
 _NUDGE = 1e-6
 """Step of difference quotients by velocities, over the slow slip."""
 
-_SHORTEST = 1e-14
-"""Shortest step, over the time or a second."""
+_DRIFT = 30.0
+"""Turn of a slip along a line that errors of the integration bring about, rad, over the tolerance."""
 
 _KINDS = np.repeat([DISTANCE, ANGLE, SPEED, SPIN], [3, 4, 3, 3])
 """Kinds of the components of a packed body."""
@@ -61,6 +64,8 @@ class Stepper:
     modes : RowModes
     longest : float, s
         Bound on the steps, over which event functions are looked at together.
+    straight : float, rad
+        Turn of a slip up to which it has kept to its line.
     slow : float, m/s
         Slip that makes the motion stiff, so that steps are implicit; zero where none does.
     drifts : bool
@@ -80,7 +85,7 @@ class Stepper:
     ) -> None:
         self.equations, self.modes = equations, modes
         self._layout, self._model = equations.layout, equations.model
-        self._tolerance, self.longest = tolerance, longest
+        self._tolerance, self.longest, self.straight = tolerance, longest, max(STRAIGHT, _DRIFT * tolerance)
         self._turns = np.zeros(len(self._model.coordinate))
         self.counters = {"steps": 0, "evaluations": 0}
         y = pack(self._layout.smooth, state)
@@ -148,14 +153,16 @@ class Stepper:
             found[times >= start] = dense(times[times >= start])
         return found
 
-    def sample(self, times: Array) -> tuple[SampledRows, Array, Array]:
-        """Return rows, impulses (n, n_c, 3) and losses (n,) at times within the last step, projected as at its end."""
-        ended = times == self.t
-        Y = self._Y[None] if ended.all() else np.where(ended[:, None], self._Y, self._interpolated(times))
+    def sample(self, times: Array) -> tuple[SampledRows, Array]:
+        """Return samples at times (n,) within the last step, or at its end, with impulses and losses over the mass.
+
+        They are projected as at the end of a step; impulses and losses have the shape (n, 3 n_c + 1).
+        """
+        Y = self._Y[None].repeat(len(times), axis=0)
+        if np.any(times < self.t):
+            Y[times < self.t] = self._interpolated(times[times < self.t])
         rows = self.equations.sample(times, Y[:, : self._count].reshape(-1, *self._shape), self._turns)
-        rows.states[ended] = self.y
-        impulse = Y[:, self._count : -1].reshape(len(times), -1, 3)
-        return rows, self.equations.mass * impulse, self.equations.mass * Y[:, -1]
+        return rows, Y[:, self._count :]
 
     def turn(self, heading: tuple[Array | None, ...]) -> None:
         """Continue with other headings of what slides."""
@@ -207,6 +214,11 @@ class Stepper:
         """Evaluate rows and responses at a packed state near the last one."""
         return self.equations.respond(t, y, self._turns)
 
+    def quiet_steps(self, times: Array, length: float, span: float) -> QuietSteps:
+        """Return the march of a motion with samples at times (n_t,); length of the mechanism and span of the motion."""
+        stepper = Kernel(*self._explicit.addresses)
+        return QuietSteps(self.equations, self._arrays, stepper, times, (length, span, self.longest, self.straight))
+
     def _derivative(self, t: float, Y: Array) -> Array:
         """Return ``dY/dt``."""
         self.counters["evaluations"] += 1
@@ -243,6 +255,19 @@ class Stepper:
         self._pieces = [(self.started, dense)]
         self.counters["steps"] += 1
 
+    def march(self, quiet: QuietSteps, bound: float, speed: float, recorded: int) -> float:
+        """Take the steps in which nothing happens, at most to the time `bound`; return the speed of the mechanism."""
+        run, now, Y = self._motion.run[0], quiet.now[0], self._Y.copy()
+        steps, evaluations = int(run["steps"]), int(run["evaluations"])
+        now["bound"], now["h"], now["fresh"], now["speed"] = bound, self._h, self._fresh, speed
+        self.equations.march(self._turns)
+        t, self.t = self.t, quiet.march(self.t, Y, self._turns, recorded)
+        self._Y, self._h, self._fresh = Y, float(now["h"]), bool(now["fresh"])
+        self._solver = self._solver if self.t == t else None
+        self.counters["steps"] += int(run["steps"]) - steps
+        self.counters["evaluations"] += int(run["evaluations"]) - evaluations
+        return float(now["speed"])
+
     def _by_kernel(self, bound: float) -> _Dense:
         """Take a step of the compiled pair; return its dense output."""
         start, t, run = self._Y, self.t, self._motion.run[0]
@@ -264,14 +289,14 @@ class Stepper:
                 break
             run["rejected"] += 1
             run["most"] = 1.0
-            if not run["h"] >= _SHORTEST * max(1.0, abs(t)):
+            if not run["h"] >= SHORTEST * max(1.0, abs(t)):
                 what = "steps fall below what the time resolves"
                 raise NumericalFailure(f"reference with contacts, t = {t:.12g} s: {what}")
         run["steps"] += 1
         self.t, self._Y = bound if h == left else t + h, end
         self.equations.project(self.t, end, self._turns)
         ask(INTERPOLATE, t, start, end)
-        self._h = max(float(run["h"]), planned) if h == left else float(run["h"])
+        self._h, self._solver = max(float(run["h"]), planned) if h == left else float(run["h"]), None
         self.counters["evaluations"] += int(run["evaluations"]) - evaluations
         F = self._arrays.F.copy()
 

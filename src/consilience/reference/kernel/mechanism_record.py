@@ -44,6 +44,9 @@ _RECORD_TYPES: dict[str, RecordType] = {}
 _ARRAY_TYPES: dict[tuple[Any, ...], types.Type] = {}
 """Types of arrays by class, dtype, rank and layout."""
 
+_FORM = 0x1 | 0x2 | 0x100 | 0x400
+"""Flags of an array that its type depends on, as in NumPy's C interface: order (C, Fortran), aligned, writeable."""
+
 _NUMBERS = (types.int64, types.float64, types.boolean)
 
 
@@ -81,9 +84,7 @@ def _record_type(kind: type, fields: tuple[types.Type, ...]) -> RecordType:
 
 def _array_type(array: np.ndarray[Any, Any]) -> types.Type:
     """Return the Numba type of an array; Numba takes microseconds to build that of records, at every call."""
-    flags = array.flags
-    form = (flags.c_contiguous, flags.f_contiguous, flags.aligned, flags.writeable)
-    key = (type(array), array.dtype, array.ndim, *form)
+    key = (type(array), array.dtype, array.ndim, array.flags.num & _FORM)
     if key not in _ARRAY_TYPES:
         _ARRAY_TYPES[key] = typeof(array)
     return _ARRAY_TYPES[key]
@@ -142,7 +143,9 @@ def _fields_of(words):  # type: ignore[no-untyped-def] # Numba compares this lin
 def _words(value: Any) -> list[int]:
     """Return the words of a value as integers."""
     if isinstance(value, np.ndarray):
-        return [value.__array_interface__["data"][0], *value.shape, *value.strides]
+        # each way takes a third of the other for its arrays: `__array_interface__` describes the fields of a record
+        address = value.ctypes.data if value.dtype.names else value.__array_interface__["data"][0]
+        return [address, *value.shape, *value.strides]
     if isinstance(value, MechanismRecord):
         return value.words
     if isinstance(value, tuple):
