@@ -11,7 +11,6 @@ import zipfile
 from pathlib import Path
 
 import pytest
-import yaml
 
 from consilience.cli.commands.bisect import versions_of
 from consilience.cli.main import command_of
@@ -92,6 +91,8 @@ GITHUB = Path(__file__).parents[2] / ".github"
 
 def steps(path, *keys):
     """Return the shell steps of a file of GitHub's, by name, with their variables."""
+    import yaml
+
     document = yaml.safe_load((GITHUB / path).read_text(encoding="utf-8"))
     shared, found = document.get("env", {}), document
     for key in keys:

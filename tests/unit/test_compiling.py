@@ -18,7 +18,7 @@ from consilience.engine.worker.client import Reply
 from consilience.engine.worker.requests import perform
 from consilience.reference.kernel.cache import SOURCES, digest, kernels_folder, one_process
 from consilience.reference.steppers.driver import integrate
-from consilience.suite import suite, warm_up
+from consilience.suite import QUICK, suite, warm_up
 from kernels import copy_kernels, numba_folder
 
 SOURCE = Path(suite.__file__).parents[1]
@@ -207,7 +207,7 @@ def test_a_suite_compiles_beside_only_where_it_has_two_processes_and_no_kernels(
     monkeypatch.setattr(suite, "compiled", lambda: warm)
     monkeypatch.setattr(suite, "compiled_beside", recorded)
     cases = [load_case("simple_pendulum-small").with_span(0.1, None)]
-    asked = [Question.TRAJECTORY]
-    results = suite.run_suite(cases, ["reference", "mujoco"], asked, resources=suite.Resources(jobs))
+    asked, given = [Question.TRAJECTORY], suite.Resources(jobs)
+    results = suite.run_suite(cases, ["reference", "mujoco"], asked, given, thoroughness=QUICK)
     assert entered == [["simple_pendulum-small"]] * beside
     assert not results.missing
