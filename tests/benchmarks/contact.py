@@ -20,7 +20,7 @@ BARS = {1e-9: (10.0, "any route of any engine"), 1e-4: (1.0, "engines' own steps
 """Largest error of the position of any body at any sample in m, with the least ratio of times, and what counts."""
 
 TRUTH = 1e-13
-TOLERANCES = (1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12)
+TOLERANCES = tuple(10.0 ** (-0.5 * n) for n in range(8, 25))
 LEVELS = 7
 """Steps that are tried: a quarter of the sampling interval, and a quarter of that, and so on."""
 

@@ -20,7 +20,6 @@ from __future__ import annotations
 from typing import cast
 
 import numpy as np
-import scipy
 
 from consilience.errors import NumericalFailure
 from consilience.mechanism import RANK_TOLERANCE, Array
@@ -69,9 +68,10 @@ class ContactEquations(CompiledEquations):
         self._reacting = reacting_joints(layout)
         self.reacting = False
         self.activate(open_modes(layout))
-        factors = zip(self.model.mass, self.model.inertia_factor, strict=True)
-        blocks = [part for mass, F in factors for part in (np.eye(3) / np.sqrt(mass), np.linalg.inv(F))]
-        self.inverse = scipy.linalg.block_diag(*blocks)  # L^-1
+        self.inverse = np.zeros((6 * len(self.model.mass),) * 2)  # L^-1
+        for b, (mass, F) in enumerate(zip(self.model.mass, self.model.inertia_factor, strict=True)):
+            v, w = slice(6 * b, 6 * b + 3), slice(6 * b + 3, 6 * b + 6)
+            self.inverse[v, v], self.inverse[w, w] = np.eye(3) / np.sqrt(mass), np.linalg.inv(F)
 
     def respond(self, t: float, y: Array, turns: Array) -> Response:
         """Evaluate rows, free accelerations and the response to forces on the rows."""

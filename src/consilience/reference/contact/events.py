@@ -41,6 +41,9 @@ ROUNDING = 1e-5
 """Value below zero, over that of `ARMED`, from which a function that rises counts."""
 
 
+_NEAR = 1e-12
+"""Distance from a zero at which its search ends, over the step: steps that end there refine it."""
+
 CLEAR = 1e-2
 """Margin of undetermined forces, over the forces, from which it stands for the widest, whose sign it has."""
 
@@ -211,4 +214,5 @@ class _Column:
             return float(start)
         if self._at(end) >= level:
             return float(end)
-        return float(scipy.optimize.brentq(lambda t: self._at(t) - level, start, end, xtol=1e-15, rtol=1e-15))
+        least = _NEAR * (self.nodes[-1] - self.nodes[0])
+        return float(scipy.optimize.brentq(lambda t: self._at(t) - level, start, end, xtol=least, rtol=1e-15))

@@ -23,6 +23,7 @@ from consilience.reference.contact.march import QuietSteps
 from consilience.reference.contact.quiet_steps import SHORTEST, STRAIGHT
 from consilience.reference.contact.response import Response, SampledRows
 from consilience.reference.contact.row_modes import RowModes
+from consilience.reference.kernel.mechanism_record import record_of
 from consilience.reference.kernel.operation import BoundOperation
 from consilience.reference.steppers.explicit import DOP853, explicit_arrays, step
 from consilience.reference.steppers.motion import (
@@ -96,7 +97,7 @@ class Stepper:
         kind = np.concatenate([np.tile(_KINDS, bodies), np.full(extra, INTEGRAL)])
         self._absolute = tolerance * np.where(kind == DISTANCE, length, np.where(kind == SPEED, length, 1.0))
         self._motion = new_motion(kind, length, equations.kernel)
-        self._arrays = explicit_arrays(DOP853, self._motion)
+        self._arrays = record_of(explicit_arrays(DOP853, self._motion))
         self._explicit = BoundOperation(step, self._arrays)
         self._motion.run[0]["tolerance"] = tolerance
         self._Y = np.concatenate([y.ravel(), np.zeros(3 * contacts + 1)])
