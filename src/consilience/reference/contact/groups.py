@@ -47,6 +47,10 @@ def groups(problem: ContactProblem) -> tuple[RowGroup, ...]:
         if np.array_equal(spread, label):
             break
         label = spread
+    if not np.any(label):
+        return (
+            RowGroup(problem, list(range(m)), list(range(len(problem.normals))), list(range(len(problem.friction)))),
+        )
     return tuple(_group(problem, np.flatnonzero(label == one)) for one in dict.fromkeys(label.tolist()))
 
 

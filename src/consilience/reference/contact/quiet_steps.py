@@ -120,7 +120,7 @@ def _turn(arrays: MarchArrays) -> bool:
         if np.isfinite(modes.slow[k]):
             u0, u1 = arrays.rows.u[one.row[0]], arrays.rows.u[one.row[1]]
             size = np.sqrt(u0 * u0 + u1 * u1)
-            if size <= SLOW * speed or abs(h0 * u1 - h1 * u0) <= STRAIGHT * size:
+            if size <= SLOW * speed or (not arrays.now[0].fresh and abs(h0 * u1 - h1 * u0) <= STRAIGHT * size):
                 return False
             if u0 * h0 + u1 * h1 < 0.0:
                 size = -size

@@ -61,6 +61,7 @@ class SlipHeadings:
                 self._rising.discard(j)
             if size > max(held[j], STILL * speed):
                 straight = _across(slip, h) <= STRAIGHT * size and j not in self.leaving
+                straight &= not stepper.fresh or size <= SLOW * speed  # in modes that begin no slip has turned yet
                 held[j] = np.inf if straight else STOPPING * speed
                 heading[j] = direction(slip, h, float(held[j]))
         if slips:

@@ -67,6 +67,8 @@ class Stepper:
         Bound on the steps, over which event functions are looked at together.
     straight : float, rad
         Turn of a slip up to which it has kept to its line.
+    fresh : bool
+        Whether no step has been taken in the present modes.
     slow : float, m/s
         Slip that makes the motion stiff, so that steps are implicit; zero where none does.
     drifts : bool
@@ -102,7 +104,7 @@ class Stepper:
         self._motion.run[0]["tolerance"] = tolerance
         self._Y = np.concatenate([y.ravel(), np.zeros(3 * contacts + 1)])
         self._bodies, self.t, self.started = bodies, t, t
-        self._h, self._fresh = 0.0, True
+        self._h, self.fresh = 0.0, True
         self.slow, self.drifts, self._chosen = 0.0, False, np.zeros(len(self._layout.names))
         self._pieces: list[tuple[float, _Dense]] = []
         equations.follow(self.y, self._turns)
@@ -203,7 +205,7 @@ class Stepper:
     def change_modes(self, modes: RowModes, halted: Sequence[int] = ()) -> None:
         """Continue in other modes, from the state projected onto what lasts in them, and onto rows that have halted."""
         self.modes, self.drifts, self._chosen = modes, False, np.zeros(len(self._layout.names))
-        self._fresh = True
+        self.fresh = True
         self.equations.activate(modes)
         self._Y = self._Y.copy()
         self.equations.project(self.t, self._Y, self._turns, halted)
@@ -260,10 +262,10 @@ class Stepper:
         """Take the steps in which nothing happens, at most to the time `bound`; return the speed of the mechanism."""
         run, now, Y = self._motion.run[0], quiet.now[0], self._Y.copy()
         steps, evaluations = int(run["steps"]), int(run["evaluations"])
-        now["bound"], now["h"], now["fresh"], now["speed"] = bound, self._h, self._fresh, speed
+        now["bound"], now["h"], now["fresh"], now["speed"] = bound, self._h, self.fresh, speed
         self.equations.march(self._turns)
         t, self.t = self.t, quiet.march(self.t, Y, self._turns, recorded)
-        self._Y, self._h, self._fresh = Y, float(now["h"]), bool(now["fresh"])
+        self._Y, self._h, self.fresh = Y, float(now["h"]), bool(now["fresh"])
         self._solver = self._solver if self.t == t else None
         self.counters["steps"] += int(run["steps"]) - steps
         self.counters["evaluations"] += int(run["evaluations"]) - evaluations
@@ -274,11 +276,11 @@ class Stepper:
         start, t, run = self._Y, self.t, self._motion.run[0]
         end, ask = start.copy(), self._explicit
         run["t"], run["span"], run["most"] = t, bound - t, np.inf
-        run["h"] = 0.0 if self._fresh else self._h  # zero: a first step is proposed
+        run["h"] = 0.0 if self.fresh else self._h  # zero: a first step is proposed
         evaluations = int(run["evaluations"])
         self.equations.turns[:] = self._turns
         ask(PREPARE, t, start, end)
-        planned, self._fresh = max(float(run["h"]), self._h), False
+        planned, self.fresh = max(float(run["h"]), self._h), False
         run["h"] = planned
         while True:
             left, h = bound - t, min(float(run["h"]), self.longest)
