@@ -464,6 +464,7 @@ def test_associated_cones_lift_a_sliding_box():
     assert v[2] == pytest.approx(0.5 * slip, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("heading", [0.0, 20.0])
 def test_the_lift_of_associated_cones_is_that_of_the_reference_with_this_law(heading):
     """A cube thrown at 6 m/s with mu 0.5 lifts by 293.6 mm, ``(mu v / (1 + mu^2))^2 / (2 g)``, whatever the step."""

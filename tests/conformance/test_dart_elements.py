@@ -196,6 +196,7 @@ def distance(answer, other):
     return max(np.max(np.abs(answer.p_WB - other.p_WB)), np.max(rotation_angle_between(answer.quat_WB, other.quat_WB)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ALL)
 def test_motions_lead_to_the_reference_with_the_declared_order(engine, name):
     mechanism = ALL[name]

@@ -85,6 +85,7 @@ print(json.dumps([np.reshape(x, (-1, 7)).tolist() for x in (DATA.GetODE2Coordina
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["driven", "coupled", "rolling_torus", "skating", "backward_screw"])
 def test_exudyn_goes_on_with_a_script_and_holds_what_is_held(tmp_path, name):
     mechanism = ELEMENTS[name]

@@ -242,6 +242,7 @@ def errors(answer, reference):
     return max(np.max(np.abs(answer.p_WB - reference.p_WB)), angle), max(np.max(v), np.max(w))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MOVING)
 def test_motions_find_the_reference_with_their_order(exudyn_engine, name):
     mechanism, state = MOVING[name], start_of(MOVING[name])

@@ -223,6 +223,7 @@ def errors(engine, name, method, substeps):
     return [difference(answer, expected) for answer in found]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ALL)
 def test_motions_come_to_the_reference_with_the_declared_order(engine, name):
     for method in matched(engine, ALL[name], Question.TRAJECTORY):

@@ -242,6 +242,7 @@ def test_one_soft_problem_has_one_solution_by_every_code_path(mujoco_engine, nam
         assert relative(accelerations(mujoco_engine, mechanism, states, method), found) < 1e-11
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", HINGED)
 def test_stock_welds_lead_elsewhere_and_tuned_ones_do_not(mujoco_engine, name):
     case = CASES[name]

@@ -57,6 +57,7 @@ def test_a_spring_thrown_through_its_anchor_is_unresolved():
     assert Verdict.MODEL not in {c.verdict for c in found.values()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [1.0, 2.0, 0.0, -1.0])
 def test_steps_so_coarse_that_motions_saturate_pass_no_gravity(factor):
     """A lumpy body on a universal joint, 30 rad/s about its second axis: Euler's levels are a radian apart."""

@@ -9,6 +9,8 @@ from consilience.compare import Verdict
 from consilience.engine import Profile, Question
 from consilience.suite import Resources, run_suite
 
+pytestmark = pytest.mark.slow
+
 AGREES, STEPS, SOFT = Verdict.AGREES, Verdict.DISCRETISATION, Verdict.REGULARISATION
 
 # engine, question, method: verdict, and the order that implies it. Loops are welds in MuJoCo, soft by its

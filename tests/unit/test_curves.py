@@ -83,6 +83,7 @@ def test_a_torque_that_is_the_rounding_of_a_force_is_zero():
     assert not found.values[:, torques].any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["slider_crank", "flat_box_drop"])
 def test_drawn_extremes_are_those_of_a_finer_motion_or_marked(name):
     (case,) = load_cases(name)

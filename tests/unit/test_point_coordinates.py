@@ -303,7 +303,7 @@ def assert_moves_like_the_solver(mechanism, state, duration=2.0):
     return angles
 
 
-@pytest.mark.parametrize("name", ["powered", "branched", "four_bar"])
+@pytest.mark.parametrize("name", [pytest.param("powered", marks=pytest.mark.slow), "branched", "four_bar"])
 def test_trajectories_are_those_of_the_solver(name):
     assert_moves_like_the_solver(ALL[name], states(name)[0])
 

@@ -98,6 +98,7 @@ def test_dense_output_is_exact_for_motions_up_to_degree_seven(name, rounding, de
     assert error < rounding if exact else error > 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "span"),
     # the whirling arm amplifies rounding to 3e-10 by 1.5 s, in every formulation and at any tolerance

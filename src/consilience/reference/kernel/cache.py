@@ -39,7 +39,11 @@ def digest(package: Path) -> str:
 
 def kernels_folder() -> Path:
     """Return the folder of the compiled kernels, in NUMBA_CACHE_DIR or else beside this file; make nothing."""
-    named = os.environ.get("NUMBA_CACHE_DIR")
+    return _folder_in(os.environ.get("NUMBA_CACHE_DIR"))
+
+
+@cache
+def _folder_in(named: str | None) -> Path:
     return (Path(named) if named else Path(__file__).parent / "__pycache__") / f"kernels-{digest(_PACKAGE)}"
 
 
