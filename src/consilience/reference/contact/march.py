@@ -57,7 +57,7 @@ class QuietSteps:
         self._equations, self.able, self.now = equations, False, np.zeros(1, MARCH)
         now = self.now[0]
         now["length"], now["span"], now["longest"], now["straight"] = sizes
-        now["bodies"], now["size"] = len(equations.model.mass), packed
+        now["bodies"], now["packed"] = len(equations.model.mass), packed
         self._watched = np.zeros(len(layout.normals) + 2 * len(layout.friction), WATCHED)
         self._states = np.zeros((_SAMPLES, 1 + packed + len(system.turns)))
         self._sums, self._found = np.zeros((_SAMPLES, 3 * contacts + 1)), np.zeros((_SAMPLES, equations.width))

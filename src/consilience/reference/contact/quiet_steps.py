@@ -65,7 +65,7 @@ MARCH = record_type(
     ("span", float),  # of the motion, s
     ("length", float),  # of the mechanism, m
     ("bodies", INT),
-    ("size", INT),  # of a packed state
+    ("packed", INT),  # size of a packed state
     ("straight", float),  # turn of a slip up to which it has kept to its line, rad
     ("speed", float),  # of the mechanism, m/s
     ("h", float),  # proposed length of the next step, s
@@ -238,7 +238,7 @@ def _is_quiet(arrays: MarchArrays, t: float, reached: float, start: Array, end: 
     if not (determinant > JAMS or not now.loaded) or not _slips_on(arrays):
         return False
     parts, width = max(PARTS, int(np.ceil(INTERVALS * (reached - t) / now.span))), gaps + 2 * rows
-    size = now.size
+    size = now.packed
     if (parts + 1) * width > arrays.seen.shape[0]:
         return False
     for p in range(parts + 1):
@@ -264,7 +264,7 @@ def _samples_fit(arrays: MarchArrays, reached: float) -> bool:
 def _take(arrays: MarchArrays, t: float, reached: float, start: Array, end: Array) -> None:
     """Record the samples of a step, and continue from its end."""
     now, motion = arrays.now[0], arrays.explicit.motion
-    size, first = now.size, now.recorded
+    size, first = now.packed, now.recorded
     while now.recorded < arrays.times.shape[0] and arrays.times[now.recorded] <= reached:
         k, at, state = now.recorded - now.first, arrays.times[now.recorded], motion.state
         assign(state, end)

@@ -1,8 +1,8 @@
 """Motion with contacts, friction and stops, from event to event.
 
-Between events the modes of all contacts are fixed, and the motion is smooth (`stepper`). In each step the first zero of
-an event function is sought (`events`); the root is then refined by steps that *end* at the instant, with the error of
-the integrator instead of that of the interpolant. There:
+Between events the modes of all contacts are fixed, and the motion is smooth (`stepper`). A kernel takes the steps in
+which nothing happens (`march`). In any other the first zero of an event function is sought (`events`); the root is then
+refined by steps that *end* at the instant, with the error of the integrator instead of that of the interpolant. There:
 
 - what approaches with a closed gap has an impact (`impact`), together with all that touches then, until nothing
   approaches any more;

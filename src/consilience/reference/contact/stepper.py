@@ -68,7 +68,7 @@ class Stepper:
     straight : float, rad
         Turn of a slip up to which it has kept to its line.
     fresh : bool
-        Whether no step has been taken in the present modes.
+        Whether no compiled step has been taken in the present modes.
     slow : float, m/s
         Slip that makes the motion stiff, so that steps are implicit; zero where none does.
     drifts : bool
