@@ -152,9 +152,11 @@ class _Column:
 
     def __init__(self, values: Values, index: int, nodes: Array, value: Array, rate: Array) -> None:
         self._values, self._index, self.nodes, self.value, self.rate = values, index, nodes, value, rate
+        self._known = dict(zip(nodes.tolist(), value.tolist(), strict=True))
 
     def _at(self, t: float) -> float:
-        return float(self._values(np.array([t]))[0][0, self._index])
+        known = self._known.get(float(t))
+        return float(self._values(np.array([t]))[0][0, self._index]) if known is None else known
 
     def _rate_at(self, t: float) -> float:
         return float(self._values(np.array([t]))[1][0, self._index])

@@ -28,8 +28,8 @@ from consilience.reference.steppers.motion import Kernel
 
 _KINDS = {"gap": GAP, "normal": NORMAL, "margin": MARGIN, "slip": SLIP}
 
-_NODES, _SAMPLES = INTERVALS // 4 + 2, 100
-"""Room for the nodes of a step, and for the samples of a march."""
+_NODES, _ROOM = INTERVALS // 4 + 2, 100_000
+"""Room for the nodes of a step, and for what is written of the samples of a march, in numbers."""
 
 
 class QuietSteps:
@@ -59,10 +59,11 @@ class QuietSteps:
         now["length"], now["span"], now["longest"], now["straight"] = sizes
         now["bodies"], now["packed"] = len(equations.model.mass), packed
         self._watched = np.zeros(len(layout.normals) + 2 * len(layout.friction), WATCHED)
-        self._states = np.zeros((_SAMPLES, 1 + packed + len(system.turns)))
-        self._sums, self._found = np.zeros((_SAMPLES, 3 * contacts + 1)), np.zeros((_SAMPLES, equations.width))
+        room = min(len(times), max(1, _ROOM // equations.width))
+        self._states, self._sums = np.zeros((room, 1 + packed + len(system.turns))), np.zeros((room, 3 * contacts + 1))
+        self._found = np.zeros((room, equations.width))
         buffers = np.zeros(m), np.zeros(_NODES * (1 + packed)), np.zeros(_NODES * (gaps + 2 * m))
-        found = times, self._states, self._sums, self._found
+        found = times.copy(), self._states, self._sums, self._found  # contiguous, as kernels are compiled for
         record = explicit, stepper, system.rows, system.modes, system.turns, self._watched, *buffers, *found
         self._march = BoundOperation(march, MarchArrays(self.now, *record))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
 
@@ -119,7 +119,7 @@ class ModeSearch:
         for modes in (self.natural, opened, *guesses):
             if modes is not None and not any(alike(modes, one) for one in tried):
                 tried.append(modes)
-                solved = self.exchanged(modes, tried)
+                solved = self.exchanged(modes)
                 if solved is not None:
                     yield solved
 
@@ -218,8 +218,8 @@ class ModeSearch:
                 weight = float(np.mean(self.problem.row_scale()[rows]))
                 yield float(fixed @ solved.acceleration[rows]) / weight, j
 
-    def exchanged(self, modes: Modes, tried: Sequence[Modes] = ()) -> ModeSolution | None:
-        """Exchange violated modes until none is left; None if a combination recurs, or is like one that was tried."""
+    def exchanged(self, modes: Modes) -> ModeSolution | None:
+        """Exchange violated modes until none is left; None if a combination recurs."""
         seen: set[tuple[object, ...]] = set()
         for _ in range(_EXCHANGES):
             solved = Headings(self.problem, modes).solved()
@@ -228,7 +228,7 @@ class ModeSearch:
                 return checked
             key = (*modes.closed, *(f.name for f in modes.friction))
             changed = self._exchange(solved)
-            if changed is None or key in seen or any(alike(changed, one) for one in tried):
+            if changed is None or key in seen:
                 return None
             seen.add(key)
             modes = changed
