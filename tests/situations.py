@@ -197,6 +197,13 @@ SITUATIONS = (
         "impacts, another restitution", lambda h, s: 0.05 + phase(0.2)(h, s), M, "impacts elsewhere", event="impact"
     ),
     Situation(
+        "impacts on the grid, another restitution",
+        lambda h, s: 0.05 + 1e-12 / h,
+        M,
+        "impacts elsewhere",
+        event="impact",
+    ),
+    Situation(
         "a stop within a step, extrapolated", lambda h, s: 0.3 * h**2, D, "modes within steps", order=4, event="sticks"
     ),
     Situation("a stop within a step, too far", lambda h, s: 1e-3 + 0.3 * h**4, M, "elsewhere", order=4, event="sticks"),

@@ -65,6 +65,20 @@ ForceSet = Interval | Circle | Anchor
 ONE_SIDED = Interval(0.0, np.inf)
 
 
+def _without_tangents(sets: Sequence[ForceSet]) -> tuple[Array, list[ForceSet]]:
+    """Return the rows of sets, and the sets, without tangents of no friction: a cone that is a line is solved badly."""
+    rows: list[int] = []
+    found: list[ForceSet] = []
+    start = 0
+    for one in sets:
+        end = start + (1 if isinstance(one, Interval) else 3)
+        smooth = isinstance(one, Circle) and one.friction == 0.0
+        rows += range(end - 1 if smooth else start, end)
+        found.append(ONE_SIDED if smooth else one)
+        start = end
+    return np.array(rows, dtype=int), found
+
+
 @lru_cache(maxsize=1)
 def _hinge() -> tuple[Any, Any]:
     """Return a model of one hinge, which sets need and do not use."""
@@ -142,17 +156,26 @@ class ConeSolver:
         ArithmeticError
             The solver does not converge.
         """
+        rows, pushing = _without_tangents(sets)
+        f = np.zeros(len(y))
+        f[rows] = self._pushed(G[np.ix_(rows, rows)], y[rows], pushing)
+        return f
+
+    def _pushed(self, G: Array, y: Array, sets: Sequence[ForceSet]) -> Array:
+        """Return the forces; where the solver stops, those of the contacts alone, the anchors solved for."""
         try:
             return self._solved(G, y, sets)
         except ArithmeticError:
             others = [one for one in sets if not isinstance(one, Anchor)]
             if len(others) in (0, len(sets)):
                 raise
-        # where rows of constraints and contacts depend on one another, it may for the contacts alone
+        # rows of constraints and contacts that depend on one another slow it down without end
         held = 3 * (len(sets) - len(others))
         by_held = np.linalg.pinv(G[:held, :held], rcond=_RANK, hermitian=True)
         across = by_held @ G[:held, held:]
-        f = self._solved(G[held:, held:] - G[held:, :held] @ across, y[held:] - across.T @ y[:held], others)
+        left = y[held:] - across.T @ y[:held]
+        left[np.abs(left) <= _RANK * np.max(np.abs(y))] = 0.0  # what anchors hold already
+        f = self._solved(G[held:, held:] - G[held:, :held] @ across, left, others)
         return np.concatenate([-by_held @ y[:held] - across @ f, f])
 
     def _solved(self, G: Array, y: Array, sets: Sequence[ForceSet]) -> Array:

@@ -23,6 +23,7 @@ def accelerations(engine, case):
         pytest.param("mujoco", 35071, 9, id="a contact that opens, and closes again as others slide"),
         pytest.param("mujoco", 35085, 12, id="loops that hold everything, with five contacts"),
         pytest.param("pinocchio", 35072, 10, id="a contact whose rows depend on those of a loop"),
+        pytest.param("pinocchio", 135, 9, id="a stop that a loop holds"),
     ],
 )
 def test_modes_of_several_contacts_settle(engine, seed, digits):

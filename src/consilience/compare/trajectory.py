@@ -120,7 +120,7 @@ class _Levels:
             saturation=max(saturation(a, b, size, judged) for a, b in pairwise(chain)),
             change=max(largest[-2:]) if len(largest) > 1 else np.inf,
             spread=_spread(largest),
-            envelope=uncertainty.envelope(largest, self.steps),
+            envelope=uncertainty.envelope(largest, self.steps, 10.0**-self.reference_motion.digits),
             declared=declared,
         )
         band = uncertainty.band(largest[-1], found.settled, declared, ratio, 0.0)

@@ -105,12 +105,12 @@ def finest_order(errors: Sequence[float], ratio: float) -> float | None:
     return None
 
 
-def envelope(changes: Sequence[float], steps: Sequence[float | None]) -> float | None:
+def envelope(changes: Sequence[float], steps: Sequence[float | None], least: float = ROUNDING) -> float | None:
     """Return the largest error of the finest level whose errors are random within a multiple of the step.
 
     An impact falls at any phase of a step, so that errors ``|e_k| <= C h_k`` have no order. C is at least the largest
     ``|x_k - x_(k+1)| / (h_k + h_(k+1))``; `CAUTIOUS` times it is taken. None for fewer than three levels, and where
-    the last change is not smaller than the largest by a quarter.
+    the last change is neither smaller than the largest by a quarter nor at most `least`, as of an impact on the grid.
 
     Parameters
     ----------
@@ -118,8 +118,10 @@ def envelope(changes: Sequence[float], steps: Sequence[float | None]) -> float |
         Differences of consecutive levels, coarse to fine.
     steps : sequence of float, s
         Steps of the levels, or tolerances.
+    least : float
+        Change that counts as none.
     """
-    if len(changes) < 2 or changes[-1] > 0.75 * max(changes) or not all(steps):
+    if len(changes) < 2 or changes[-1] > max(0.75 * max(changes), least) or not all(steps):
         return None
     slopes = [change / ((a or 0.0) + (b or 0.0)) for change, (a, b) in zip(changes, pairwise(steps), strict=True)]
     return CAUTIOUS * max(slopes) * (steps[-1] or 0.0)
