@@ -133,7 +133,8 @@ def unlike(answers, compared):
         same = {(c.engine, c.question, c.method): c for c in others}
         for a, b in [(a, same.get((a.engine, a.question, a.method))) for a in answers[0]]:
             if b is None or Verdict.UNSUPPORTED in (a.verdict, b.verdict):  # an engine's own bounds, in kg and m
-                assert a.engine != REFERENCE
+                if a.engine == REFERENCE:
+                    yield f"{a.case}: {a.engine} {a.question} {a.method}: {a.verdict}, {b and b.verdict} in other units"
                 continue
             compared[a.engine] += 1
             if a.verdict is not b.verdict or abs(digits_of(a) - digits_of(b)) > 0.3:
