@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from consilience.case import load_cases
-from consilience.reference.contact import simulate_with_contacts
+from consilience.errors import NumericalFailure
+from consilience.reference.contact import simulate_with_contacts, simulation
+from consilience.reference.contact.event_functions import EventFunctions
 
 
 @pytest.mark.parametrize("name", ["bowling-backspin", "bounces_that_slide"])
@@ -25,3 +27,12 @@ def test_what_starts_to_slide_along_a_line_asks_for_no_short_steps():
     answer, events = simulate_with_contacts(case.mechanism, case.initial_state, case.times, 1e-12)
     assert [event.kind for event in events] == ["slips", "slips"]
     assert answer.counters["steps"] < 100
+
+
+def test_steps_that_never_end_before_a_slip_has_passed_zero_end_the_motion_by_name(monkeypatch):
+    """The middle of two neighbouring numbers is one of them: a step halved further would end there for ever."""
+    case = next(c for c in load_cases("bowling") if c.name == "bowling-hook")
+    monkeypatch.setattr(simulation._ContactSimulation, "_stops", lambda *_: False)
+    monkeypatch.setattr(EventFunctions, "now", lambda *_: -1.0)
+    with pytest.raises(NumericalFailure, match=r"t = 0\.61.*within what the time resolves"):
+        simulate_with_contacts(case.mechanism, case.initial_state, case.times, 1e-12)

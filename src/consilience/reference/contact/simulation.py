@@ -188,7 +188,7 @@ class _ContactSimulation:
             room = self.functions.room(stepper)
         stepper.advance(bound)
         while (back := self.slips.leaves_line(stepper, self.speed)) is not None:
-            stepper.go_back_to(back, self._halted)
+            stepper.shorten(back, self._halted)
         self.speed = self._speeds()
         if any(heading is not None for heading in stepper.modes.heading):
             refuse_jam(self.equations, stepper.modes, (stepper.t, stepper.y, stepper.turns))
@@ -202,9 +202,9 @@ class _ContactSimulation:
         t, w = found
         watch = self.functions.watches[w]
         if watch.kind == "slip" and not self._stops(t, watch):
-            stepper.go_back_to(0.5 * (stepper.started + t), self._halted)
-            while stepper.t > stepper.started and self.functions.now(w, stepper) <= 0.0:  # it had passed zero there
-                stepper.go_back_to(0.5 * (stepper.started + stepper.t), self._halted)
+            stepper.shorten(0.5 * (stepper.started + t), self._halted)
+            while self.functions.now(w, stepper) <= 0.0:  # it had passed zero there
+                stepper.shorten(0.5 * (stepper.started + stepper.t), self._halted)
             self.functions.armed = armed
             self._settle_halted()
         elif self._end_at(t, w):

@@ -340,6 +340,19 @@ class Stepper:
         dense = solver.dense_output()
         return lambda times: dense(times).T.copy()
 
+    def shorten(self, t: float, ended: Callable[[], object | None]) -> None:
+        """Repeat the last step so that it ends at t, within it (see `go_back_to`).
+
+        Raises
+        ------
+        NumericalFailure
+            If the time resolves no such end.
+        """
+        if not self.started < t < self.t:
+            what = "steps would have to end within what the time resolves: slip turns too fast"
+            raise NumericalFailure(f"reference with contacts, t = {t:.12g} s: {what}")
+        self.go_back_to(t, ended)
+
     def go_back_to(self, t: float, ended: Callable[[], object | None]) -> bool:
         """Repeat the last step so that it ends at t, between its start and its end; return whether it does.
 
