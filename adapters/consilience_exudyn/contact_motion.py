@@ -12,8 +12,7 @@ friction                 zone ``h mu N G``, G the tangential inverse inertia, N 
 =======================  ======================================================================================
 
 A damped contact pulls as it opens, until its overlap has gone: what that changes vanishes with the damping over the
-stiffness. Below its zone friction is stiff: beyond N the method is unstable, and the motion is repeated with a larger
-bound.
+stiffness. Below its zone friction is stiff, beyond N the method unstable: the motion is repeated with a larger bound.
 """
 
 from __future__ import annotations
@@ -183,9 +182,11 @@ def contact_motion(
     softness: float | None = None,
     room: float | None = None,
 ) -> TrajectoryAnswer:
-    """Integrate a motion with contacts, stops and dry friction; to be extrapolated in the step without a softness.
+    """Integrate a motion with contacts, stops and dry friction.
 
-    `room` is what the motion needs on planes, m, if it is known; default: a wide bound.
+    Parameters
+    ----------
+    mechanism, state, times, step, softness, room : see `_Step`; by default to be extrapolated, with a wide room
 
     Raises
     ------

@@ -159,7 +159,16 @@ def _frame(mechanism: Mechanism, state: State, body: str) -> tuple[Array, Array]
 
 
 def set_overlap(system: Any, contact: Any, part: ElementaryContact, penalty: Penalty, overlap: float) -> None:
-    """Change the overlap at a gap of zero of an object."""
+    """Change the overlap at a gap of zero of an object.
+
+    Parameters
+    ----------
+    system : exudyn.MainSystem
+    contact : exudyn.ObjectIndex
+    part : ElementaryContact
+    penalty : Penalty
+    overlap : float, m
+    """
     radius = part.radius + overlap + (penalty.radius if isinstance(part, PointPlane) else 0.0)
     if isinstance(part, SphereSphere):
         system.SetObjectParameter(contact, "spheresRadii", [radius, part.partner_radius])

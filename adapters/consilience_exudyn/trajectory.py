@@ -38,9 +38,17 @@ RUNGE_KUTTA = Integration("RK44", SETTINGS)
 
 
 def solve(system: Any, integration: Integration, times: Array, step: float, write_period: float | None = None) -> int:
-    """Run SolveDynamic from the initial values over the grid `times`; return the number of steps.
+    """Run SolveDynamic from the initial values over a grid of times; return the number of steps.
 
-    Sensors store at every `write_period`, in s; by default at the samples.
+    Parameters
+    ----------
+    system : exudyn.MainSystem
+    integration : Integration
+    times : ndarray, shape (n_t,), s
+        Samples, equidistant.
+    step : float, s
+    write_period : float, s, optional
+        Period at which sensors store; default: that of the samples.
 
     Raises
     ------

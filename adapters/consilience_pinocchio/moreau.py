@@ -98,5 +98,10 @@ def move(translation: Translation, q: Array, v: Array, times: Array, step: float
 
 
 def extrapolated(translation: Translation, q: Array, v: Array, times: Array, step: float) -> TrajectoryAnswer:
-    """Return the limit of the steps h, h/2 and h/4; parameters as `move`."""
+    """Return the limit of the steps h, h/2 and h/4.
+
+    Parameters
+    ----------
+    translation, q, v, times, step : see `move`
+    """
     return motion_of_halved([move(translation, q, v, times, step / part) for part in (1, 2, 4)])

@@ -39,6 +39,20 @@ def unwrapped(mechanism: Mechanism, motion: TrajectoryAnswer, joint: Joint, coor
     """Return a joint coordinate at sample n; an angle is continuous along the motion, from (-pi, pi] at its start.
 
     From one sample to the next an angle is taken nearest to the one that the mean of both rates leads to.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    motion : TrajectoryAnswer
+        With n + 1 samples or more.
+    joint : Joint
+    coordinate : str
+        Name of a coordinate of the joint.
+    n : int
+
+    Returns
+    -------
+    float, m or rad
     """
     turning = coordinate.startswith("angle") and not joint.pitch
     value, rate = 0.0, 0.0

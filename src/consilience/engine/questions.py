@@ -104,7 +104,12 @@ class Question(str, metaclass=_QuestionTable):
         facts: str | Callable[..., Any] = "",
         parameters: str | Callable[..., Mapping[str, Any]] = "",
     ) -> Question:
-        """Add a row to the table, or replace the row of that name; the arguments are the attributes of this class."""
+        """Add a row to the table, or replace the row of that name.
+
+        Parameters
+        ----------
+        name, description, arguments, answer, shapes, judge, facts, parameters : see the attributes of this class
+        """
         question = str.__new__(Question, name)
         question.description, question.arguments = description, arguments
         question.answer, question.shapes = answer, shapes

@@ -15,7 +15,16 @@ ImpactLaw = Literal["newton", "moreau", "poisson"]
 
 
 def in_range(where: str, value: object, least: float, most: float, remedy: str, open_below: bool = False) -> None:
-    """Refuse what is no number of ``least <= value <= most`` (``least < value`` if open below), and infinity."""
+    """Refuse what is no number of ``least <= value <= most`` (``least < value`` if open below), and infinity.
+
+    Parameters
+    ----------
+    where, remedy : str
+        What the value is, and what would be right, for the message.
+    value : object
+    least, most : float
+    open_below : bool
+    """
     if isinstance(value, bool) or not isinstance(value, int | float | np.number):
         raise InvalidInput(where, f"{value!r} is no number", remedy)
     if not (least < value if open_below else least <= value) or not (value <= most and np.isfinite(value)):

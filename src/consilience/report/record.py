@@ -52,7 +52,14 @@ class Record:
 
     @classmethod
     def annotated(cls, header: dict[str, Any], cases: Lines, runs: Lines, comparisons: Lines, footer: Any) -> Record:
-        """Annotate lines without annotations, and judge the cells."""
+        """Annotate lines without annotations, and judge the cells.
+
+        Parameters
+        ----------
+        header, footer : dict
+        cases, runs, comparisons : list of dict
+            Lines of the record by kind, as `recordschema` describes them.
+        """
         failures = [{**run, "failure": failure_of(run)} for run in runs]
         compared = list(annotated(comparisons, cases))
         return cls(header, list(cases), failures, compared, list(cell_lines(compared)), footer)

@@ -352,7 +352,14 @@ def checked(line: object, form: int = FORMAT) -> dict[str, Any]:
 def contradictions(
     header: dict[str, Any], cases: Records, runs: Records, comparisons: Records, cells: Records
 ) -> Iterator[str]:
-    """List the contradictions between lines that are each valid."""
+    """List the contradictions between lines that are each valid.
+
+    Parameters
+    ----------
+    header : dict
+    cases, runs, comparisons, cells : list of dict
+        Lines by kind.
+    """
     names, engines = {case["name"] for case in cases}, set(header["engines"])
     if len(names) < len(cases):
         yield "two cases have one name"

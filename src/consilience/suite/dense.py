@@ -37,6 +37,17 @@ def finest_motion(
 ) -> Run:
     """Return the motion by a method at its finest level, or why there is none.
 
+    Parameters
+    ----------
+    worker : EngineHandle
+    case : Case
+    method : str, optional
+        Name; default: the first method of the profile.
+    profile : Profile
+    store : Store, optional
+        Store of answers, which are not asked for again, with the `info` of the engine.
+    info : EngineInfo, optional
+
     Raises
     ------
     InvalidInput

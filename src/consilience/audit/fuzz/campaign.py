@@ -199,6 +199,11 @@ def run_on_cluster(
 ) -> FuzzCampaign:
     """Draw, ask and judge on a cluster, with the same results as `run_campaign`.
 
+    Parameters
+    ----------
+    cluster : Cluster
+    engines, seeds, progress, contacts : see `run_campaign`
+
     Raises
     ------
     ConsilienceError

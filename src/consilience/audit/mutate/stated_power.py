@@ -141,7 +141,20 @@ def _trials(
 def planted_trial(
     judged: JudgedEngine, question: Question, method: Method, power: Power, parameter: PhysicalParameter, factor: float
 ) -> PowerTrial:
-    """Return the trial of an error of some times the stated size in a parameter."""
+    """Return the trial of an error of some times the stated size in a parameter.
+
+    Parameters
+    ----------
+    judged : JudgedEngine
+    question, method : Question, Method
+        What the engine is asked, and how.
+    power : Power
+        Stated size of the least error that would have been noticed.
+    parameter : PhysicalParameter
+        Parameter that `power` is about.
+    factor : float
+        Planted error over the stated size.
+    """
     worker = judged.asked.worker
     found = judged.compared(question, method, PlantedEngine(worker, parameter, factor * power.limit, worker.engine))
     assert found is not None

@@ -32,14 +32,38 @@ def free_joint(name: str, at: list[float]) -> TomlTable:
 
 
 def flat_box(name: str, rng: np.random.Generator, center: Array, half: Array, mass: float) -> TomlTable:
-    """Return a lumpy body with its centre of mass in the middle of a box, its axes turned against those of the box."""
+    """Return a lumpy body with its centre of mass in the middle of a box, its axes turned against those of the box.
+
+    Parameters
+    ----------
+    name : str
+    rng : numpy.random.Generator
+        Source of the inertia and of the axes.
+    center, half : ndarray, shape (3,), m
+        Middle of the box in the drawing, and half its edges.
+    mass : float, kg
+    """
     R = random_rotation(rng)
     com, inertia = lumps(rng, mass, float(np.min(half)))
     return body(name, mass, center - R @ com, R, com, inertia)
 
 
 def flat_contact(name: str, of: str, center: Array, E: Array, half: Array, foot: Array, mu: float) -> TomlTable:
-    """Return the contact of a box that lies flat on a plane through `foot`."""
+    """Return the contact of a box that lies flat on a plane.
+
+    Parameters
+    ----------
+    name, of : str
+        Names of the contact and of the body.
+    center, half : ndarray, shape (3,), m
+        As in `flat_box`.
+    E : ndarray, shape (3, 3)
+        Axes of the box in those of the drawing; the last one is the normal of the plane.
+    foot : ndarray, shape (3,), m
+        Point of the plane.
+    mu : float
+        Coefficient of friction.
+    """
     axes = {"quaternion": numbers(quaternion_from_rotation(E))}
     box = {"name": name, "body": of, "at": numbers(center), "half_sizes": numbers(half), "orientation": axes}
     return box | {"point": numbers(foot), "normal": numbers(E[:, 2]), "friction": mu}

@@ -351,7 +351,11 @@ def _sample(system: ContactSystem, t: float, y: Array, found: Array) -> None:
 def serve(system: ContactSystem, request: int, t: float, z: Array, out: Array) -> float:
     """Answer the requests DERIVATIVE and END_STEP of `motion`, without samples, and those of this module.
 
-    The state z is packed, then impulses (n_c, 3) and the loss, both over the mass of all bodies.
+    Parameters
+    ----------
+    system : ContactSystem
+    request, t, z, out : see `motion.ask`
+        The state z is packed, then impulses (n_c, 3) and the loss, both over the mass of all bodies.
     """
     state, result = array_of(z), array_of(out)
     model, rows, ws = system.model, system.rows, system.ws

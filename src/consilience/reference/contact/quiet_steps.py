@@ -290,9 +290,14 @@ def _take(arrays: MarchArrays, t: float, reached: float, start: Array, end: Arra
 
 @allocating_operation
 def march(arrays: MarchArrays, request: int, t: float, z: Array, out: Array) -> float:
-    """Take steps from a state z with impulses and loss, which is overwritten, while nothing happens; return the time.
+    """Take steps from a state with impulses and loss while nothing happens; return the time.
 
-    `out`, shape (n_q,), is overwritten by the turns there.
+    Parameters
+    ----------
+    arrays : MarchArrays
+    request, t : see `motion.ask`
+    z, out : ndarray, shapes (n_z,) and (n_q,)
+        State at the time t, and turns; both are overwritten by those at the end.
     """
     start, turns = array_of(z), array_of(out)
     explicit = arrays.explicit

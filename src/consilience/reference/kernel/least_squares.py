@@ -36,7 +36,17 @@ def least_squares(n: int, q: int) -> LeastSquares:
 
 @inner
 def reflect(factors: Array, tau: Array, rank: int, x: Array, back: bool) -> None:
-    """Replace x by ``H^T x``, or by ``H x`` (`back`), H the product of the first `rank` Householder reflections."""
+    """Replace x by ``H^T x``, or by ``H x``, H the product of the first `rank` Householder reflections.
+
+    Parameters
+    ----------
+    factors, tau : ndarray, shapes (n, m) and (min(n, m),)
+        Reflections as `factorisation.pivoted_qr` leaves them.
+    rank : int
+    x : ndarray, shape (n,)
+    back : bool
+        Whether H is wanted, and not its transpose.
+    """
     for step in range(rank):
         k = rank - 1 - step if back else step
         s = x[k]

@@ -100,7 +100,14 @@ def address_of(record: Any) -> Any:
 
 
 def call(operation: Any, record: Any, request: int, t: float, z: Array, out: Array) -> float:
-    """Call, in a kernel, an operation with a record, both given by their addresses."""
+    """Call, in a kernel, an operation with a record.
+
+    Parameters
+    ----------
+    operation, record : int
+        Addresses.
+    request, t, z, out : see `Operation`
+    """
     return float(operation(record, request, t, z, out))
 
 

@@ -203,7 +203,20 @@ def _attempt(arrays: ExplicitArrays, t: float, z: Array, end: Array) -> float:
 
 @kernel
 def interpolate(dense: Array, z: Array, end: Array, K: Array, h: float, F: Array) -> None:
-    """Compute the dense output of a step, F of shape (7, n_z), in the nested form of `integrators.tableaus`."""
+    """Compute the dense output of a step in the nested form of `integrators.tableaus`.
+
+    Parameters
+    ----------
+    dense : ndarray, shape (4, s)
+        Coefficients of the dense output of the pair.
+    z, end : ndarray, shape (n_z,)
+        States at the start and the end of the step.
+    K : ndarray, shape (s, n_z)
+        Derivatives at the stages.
+    h : float, s
+    F : ndarray, shape (7, n_z)
+        Overwritten.
+    """
     for n in range(z.shape[0]):
         F[0, n] = end[n] - z[n]
         F[1, n] = h * K[0, n] - F[0, n]
@@ -237,7 +250,13 @@ def _interpolate(arrays: ExplicitArrays, t: float, z: Array, end: Array) -> None
 
 @Operation
 def step(arrays: ExplicitArrays, request: int, t: float, z: Array, out: Array) -> float:
-    """Answer the requests of the driver: see `motion.PREPARE`."""
+    """Answer the requests of the driver: see `motion.PREPARE`.
+
+    Parameters
+    ----------
+    arrays : ExplicitArrays
+    request, t, z, out : see `motion.ask`
+    """
     before, after = array_of(z), array_of(out)
     if request == PREPARE:
         _prepare(arrays, t, before)

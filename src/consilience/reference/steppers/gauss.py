@@ -158,7 +158,13 @@ def _attempt(arrays: GaussArrays, t: float, z: Array, end: Array) -> float:
 
 @Operation
 def step(arrays: GaussArrays, request: int, t: float, z: Array, out: Array) -> float:
-    """Answer the requests of the driver: see `motion.PREPARE`."""
+    """Answer the requests of the driver: see `motion.PREPARE`.
+
+    Parameters
+    ----------
+    arrays : GaussArrays
+    request, t, z, out : see `motion.ask`
+    """
     if request == PREPARE:
         _prepare(arrays, array_of(z))
         return 0.0

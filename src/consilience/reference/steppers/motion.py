@@ -64,7 +64,19 @@ class Kernel(NamedTuple):
 
 @inlined
 def ask(kernel: Kernel, request: int, t: float, z: Array, out: Array) -> float:
-    """Call a kernel by its address."""
+    """Call a kernel by its address.
+
+    Parameters
+    ----------
+    kernel : Kernel
+    request : int
+        Number of what is asked.
+    t : float, s
+    z : ndarray, shape (n_z,)
+        State at the time t.
+    out : ndarray
+        Overwritten by what the request names.
+    """
     return call(kernel.function, kernel.record, request, t, z, out)
 
 

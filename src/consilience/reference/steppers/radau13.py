@@ -318,7 +318,13 @@ def _attempt(arrays: RadauArrays, t: float, z: Array, end: Array) -> float:
 
 @Operation
 def step(arrays: RadauArrays, request: int, t: float, z: Array, out: Array) -> float:
-    """Answer the requests of the driver: see `motion.PREPARE`; an accepted step has its polynomial."""
+    """Answer the requests of the driver: see `motion.PREPARE`; an accepted step has its polynomial.
+
+    Parameters
+    ----------
+    arrays : RadauArrays
+    request, t, z, out : see `motion.ask`
+    """
     before, after = array_of(z), array_of(out)
     if request == PREPARE:
         _prepare(arrays, t, before)

@@ -178,7 +178,13 @@ def simulate_prepared(
     tolerance: float,
     integrator: str | None = None,
 ) -> TrajectoryAnswer:
-    """Return the motion of a mechanism whose numbers the prepared arrays hold; see `simulate_relative`."""
+    """Return the motion of a mechanism whose numbers the prepared arrays hold.
+
+    Parameters
+    ----------
+    prepared : PreparedMechanism
+    mechanism, state, times, tolerance, integrator : see `simulate_relative`
+    """
     if integrator == "taylor" and "taylor" not in prepared.default_integrators:
         why = "it is for mechanisms that move in parallel planes by gravity alone, without drives, couplings and rods"
         raise InvalidInput("integrator", f"taylor cannot follow {mechanism.name}: {why}", "Use tp86, or leave it out.")

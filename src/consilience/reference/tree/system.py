@@ -149,6 +149,11 @@ def serve(system: SystemRecord, request: int, t: float, z: Array, out: Array) ->
     """Answer the requests of integrators: see `steppers.motion.BEGIN`.
 
     The rows that a sample selects are not those that the next step needs.
+
+    Parameters
+    ----------
+    system : SystemRecord
+    request, t, z, out : see `steppers.motion.ask`
     """
     tree, closure, spatial = system.tree, system.closure, system.spatial
     elements, planar, kept = system.elements, system.planar, system.kept

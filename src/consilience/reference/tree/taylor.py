@@ -224,7 +224,13 @@ def _prepare(arrays: TaylorArrays, t: float, z: Array) -> None:
 
 @Operation
 def step(arrays: TaylorArrays, request: int, t: float, z: Array, out: Array) -> float:
-    """Answer the requests of the driver: see `motion.PREPARE`. No step is rejected; the series is the dense output."""
+    """Answer the requests of the driver: see `motion.PREPARE`. No step is rejected; the series is the dense output.
+
+    Parameters
+    ----------
+    arrays : TaylorArrays
+    request, t, z, out : see `motion.ask`
+    """
     run = arrays.motion.run[0]
     if request == PREPARE:
         _prepare(arrays, t, array_of(z))
