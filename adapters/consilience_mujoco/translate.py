@@ -153,10 +153,10 @@ def slides_behind_balls(tree: Tree) -> list[int]:
 
 
 def _behind(tree: Tree, root: int) -> set[int]:
-    """Indices of a link and of all its descendants."""
+    """Indices of a link and of all its descendants; what is free hangs on the world."""
     found = {root}
     for i, link in enumerate(tree.links):  # parents come before their children
-        if link.parent in found:
+        if link.parent in found and link.elementary != "F":
             found.add(i)
     return found
 

@@ -310,6 +310,20 @@ def test_loops_over_a_slide_behind_a_ball_are_refused(mujoco_engine, kind, backw
         assert error > 1e-3 if backwards else error < 1e-10
 
 
+def test_a_loop_through_a_free_joint_behind_such_a_joint_is_refused(mujoco_engine):
+    """MuJoCo hangs what is free on the world, so that one end of the weld alone has the error."""
+    base = chain("revolute", "point_on_line", "revolute", seed=8, backwards=(1,))
+    bodies = {body.name: body for body in base.bodies}
+    free = drawn_joint("free", "free", bodies, "b1", "b2", np.array([0.3, -0.4, 0.8]), np.eye(3))
+    mechanism = replace(base, joints=(*base.joints, free))
+    (reason,) = mujoco_engine.unsupported(mechanism, Question.INSTANT)
+    assert "'j1'" in reason.feature
+    states = states_of(mechanism)[:2]
+    method = mujoco_engine.methods(mechanism, Question.INSTANT)[0]
+    found = accelerations(mujoco_engine, mechanism, states, method)
+    assert relative(found, true_accelerations(mechanism, states)) > 1e-3
+
+
 def test_a_loop_that_hangs_as_a_whole_behind_such_a_joint_is_right(mujoco_engine):
     """Both ends of the weld have the same error, which cancels."""
     base = chain("revolute", "point_on_line", "revolute", "revolute", seed=8, backwards=(1,))
