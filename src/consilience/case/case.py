@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib import import_module
@@ -143,11 +144,7 @@ class Case:
     @cached_property
     def unassembled(self) -> str:
         """Why the case has no initial state; empty if it has one."""
-        try:
-            _ = self.initial_state
-        except InvalidInput as error:
-            return str(error)
-        return ""
+        return _refusal(lambda: self.initial_state)
 
     @cached_property
     def states(self) -> list[State]:
@@ -158,11 +155,7 @@ class Case:
     @cached_property
     def undrawn(self) -> str:
         """Why the states of the question `instant` cannot be drawn; empty if they can."""
-        try:
-            _ = self.states
-        except InvalidInput as error:
-            return str(error)
-        return ""
+        return _refusal(lambda: self.states)
 
     @cached_property
     def digest(self) -> str:
@@ -220,3 +213,12 @@ class Case:
 
 def _is_multiple(value: float, step: float) -> bool:
     return abs(value / step - round(value / step)) <= 1e-9 * max(value / step, 1.0)
+
+
+def _refusal(make: Callable[[], object]) -> str:
+    """Return why something cannot be made; empty if it can."""
+    try:
+        make()
+    except InvalidInput as error:
+        return str(error)
+    return ""
