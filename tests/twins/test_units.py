@@ -19,7 +19,6 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from consilience.case import case_files, load_case, load_cases
 from consilience.compare import Verdict
-from consilience.compare.instants import EPS
 from consilience.compare.judge import REFERENCE
 from consilience.compare.motion import difference_over_time, size_of_motion
 from consilience.engine import Profile, Question, installed
@@ -41,7 +40,7 @@ TOGETHER = 8
 """Cases of one suite, whose engines are loaded once."""
 
 ROUNDING = 11.0
-"""Digits beyond which differences are rounding, where a cell states no more of it."""
+"""Digits beyond which differences are rounding."""
 
 _LENGTHS = ("distance", "x", "y", "position")
 
@@ -91,18 +90,9 @@ def moved(cases, units, runs):
             yield f"{case.name}: the motion differs by {off:.2g}"
 
 
-def rounding_of(found):
-    """Return the rounding that a cell states: of accelerations by their condition, of motions by the reference."""
-    if found.question is Question.TRAJECTORY:
-        return found.reference_spread or 0.0
-    conditions = [float(q.remark.split()[-1]) for q in found.quantities if q.name == "accelerations"]
-    return 4.0 * EPS * max(conditions, default=0.0)
-
-
 def digits_of(found):
     """Return the digits of a comparison that are not rounding."""
-    stated = min(ROUNDING, -np.log10(max(rounding_of(found), 1e-16)))
-    return min(stated, np.inf if found.digits is None else found.digits)
+    return min(ROUNDING, np.inf if found.digits is None else found.digits)
 
 
 def differences(
