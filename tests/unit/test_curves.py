@@ -10,7 +10,7 @@ import consilience as cs
 from consilience.case import load_case, load_cases
 from consilience.engine import Question, TrajectoryAnswer
 from consilience.errors import InvalidInput
-from consilience.report.curves import KEPT, CurveSet, curve_sets, thinned
+from consilience.report.curves import KEPT, KINDS, CurveKind, CurveSet, curve_sets, thinned
 from consilience.report.figure import GREY
 from consilience.report.plots_replay import motion_figure
 from consilience.report.replay import replays
@@ -81,6 +81,21 @@ def test_a_torque_that_is_the_rounding_of_a_force_is_zero():
     torques = [name.unit == "N m" for name in found.names]
     assert sum(torques) == 2
     assert not found.values[:, torques].any()
+
+
+def test_rounding_costs_no_samples():
+    """Velocities of one turn: along x and y a circle, settled at the first samples; along z noise of 1e-15."""
+    phase = np.linspace(0.0, 2.0 * np.pi, 4097)
+    answer = passing(len(phase), 1.0)
+    noise = 1e-15 * np.random.default_rng(1).standard_normal(len(phase))
+    answer.v_WB_W[:, 0] = np.column_stack([np.cos(phase), np.sin(phase), noise])
+    evaluated = []
+    kind = KINDS["velocities"]
+    counted = CurveKind(kind.names, lambda m, a, samples: evaluated.append(len(samples)) or kind.values(m, a, samples))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(KINDS, "velocities", counted)
+        velocities(answer)
+    assert sum(evaluated) < len(phase) / 8
 
 
 @pytest.mark.slow

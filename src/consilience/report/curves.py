@@ -210,7 +210,7 @@ def curve_sets(
     panels : sequence of str
         Names of joints or bodies, or of panels; default: all.
     """
-    first = _first_stride(answer)
+    first, length = _first_stride(answer), characteristic_length(mechanism)
     for what in kinds:
         kind = KINDS[what]
         if what == "reactions" and not can_be_told(mechanism):
@@ -219,9 +219,10 @@ def curve_sets(
         found = dict.fromkeys(n.panel for n in names if not panels or {n.panel, n.panel.partition(":")[0]} & {*panels})
         own = [k for k, name in enumerate(names) if name.panel in list(found)[:MOST]]
         if own:
-            shown = _settled(partial(_columns, kind, own, mechanism, answer), answer, first)
-            found_curves = CurveSet(what, tuple(names[k] for k in own), *shown, panels=len(found))
-            yield from _drawable(found_curves, characteristic_length(mechanism))
+            drawn = tuple(names[k] for k in own)
+            evaluate, rounding = partial(_columns, kind, own, mechanism, answer), partial(_rounding, drawn, length)
+            shown = _settled(evaluate, rounding, answer, first)
+            yield from _drawable(CurveSet(what, drawn, *shown, panels=len(found)), length)
 
 
 def _columns(kind: CurveKind, own: list[int], mechanism: Mechanism, answer: TrajectoryAnswer, at: Array) -> Array:
@@ -236,12 +237,24 @@ def _first_stride(answer: TrajectoryAnswer) -> int:
     return stride
 
 
-def _settled(evaluate: Callable[[Array], Array], answer: TrajectoryAnswer, stride: int) -> tuple[Array, Array, Array]:
-    """Halve the samples until the extremes settle; return times, values and open changes, as in `CurveSet`."""
+def _rounding(names: Sequence[CurveName], length: float, values: Array) -> Array:
+    """Return which curves are rounding beside the largest of them, shape (number of curves,), bool."""
+    largest = np.max(np.abs(values), axis=0) * [length if n.unit in TIMES_LENGTH else 1.0 for n in names]
+    return np.asarray(largest < FLOOR * np.max(largest, initial=0.0, where=np.isfinite(largest)))
+
+
+def _settled(
+    evaluate: Callable[[Array], Array], rounding: Callable[[Array], Array], answer: TrajectoryAnswer, stride: int
+) -> tuple[Array, Array, Array]:
+    """Halve the samples until the extremes settle, rounding apart; return times, values, open changes: `CurveSet`."""
     last = len(answer.time) - 1
     samples = np.unique([*np.arange(0, last, stride), *_jerks(answer), last])
     values = evaluate(samples)
-    while np.any((change := _open(answer, samples, values, 4 * stride)) > SETTLED) and stride > 1:
+
+    def change_of(samples: Array, values: Array) -> Array:
+        return np.where(rounding(values), 0.0, _open(answer, samples, values, 4 * stride))
+
+    while np.any((change := change_of(samples, values)) > SETTLED) and stride > 1:
         stride //= 2
         between = np.setdiff1d(np.arange(0, last, stride), samples)
         order = np.argsort(np.concatenate([samples, between]))
@@ -308,9 +321,7 @@ def _drawable(found: CurveSet, length: float) -> Iterator[CurveSet]:
     if found.what == "coordinates":
         turning = [n.label.startswith("angle") for n in names]
         values[:, turning] = np.unwrap(values[:, turning], axis=0)
-    largest = np.max(np.abs(values), axis=0) * [length if n.unit in TIMES_LENGTH else 1.0 for n in names]
-    small = largest < FLOOR * np.max(largest)
-    values, change = np.where(small, 0.0, values), np.where(small, 0.0, change)
+    values = np.where(_rounding(names, length, values), 0.0, values)
     kept = thinned(found.time, values)
     yield CurveSet(found.what, names, found.time[kept], values[kept], change, found.panels)
 
