@@ -250,6 +250,14 @@ SITUATIONS = (
     Situation(
         "soft defaults, order 1", lambda h, s: 5e-2 * s + 0.05 * h, R, "softness", order=1, soft=True, profile=DEFAULT
     ),
+    Situation(
+        "soft defaults, hard answers that scatter",
+        lambda h, s: 1e-2 * s * (s > 0.1) + {0.01: 3e-5, 0.005: -2e-5, 0.0025: 4e-5}.get(s, 0.0),
+        R,
+        "softness",
+        soft=True,
+        profile=DEFAULT,
+    ),
     Situation("soft, half of the steps", lambda h, s: 0.5 * h + 1.25e-3 * s, R, "softness", order=1, soft=True),
     Situation(
         "soft, not asymptotic in the step", lambda h, s: 1e-3 * s + 1e-3 * np.sin(1 / h) * h, R, "softness", soft=True
@@ -264,6 +272,14 @@ SITUATIONS = (
     Situation("another branch", lambda h, s: 0.5 + 0.0 * TIMES + h**2 * SHAPE, M, "elsewhere"),
     Situation("a plateau that softness does not move", lambda h, s: 1e-3 + 1e-9 * s + h**2, M, "elsewhere", soft=True),
     Situation("a plateau that softness moves a little", lambda h, s: 1e-3 + 1e-4 * s + h**2, M, "elsewhere", soft=True),
+    Situation(
+        "a plateau about which hard answers scatter, an order of a tenth by chance",
+        lambda h, s: 1e-2 + h**2 + {0.01: 3.0e-4, 0.005: -4e-5, 0.0025: 2.8e-4}.get(s, 0.0),
+        M,
+        "elsewhere",
+        soft=True,
+        profile=DEFAULT,
+    ),
     Situation(
         "wrong at an instant already",
         lambda h, s: 1e-4 * s,

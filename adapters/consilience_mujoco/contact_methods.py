@@ -166,7 +166,10 @@ def _motions(mechanism: Mechanism, settings: dict[str, Any], equalities: Equalit
 def _defaults(mechanism: Mechanism) -> Iterator[Method]:
     """Return the methods for a motion at MuJoCo's own settings."""
     rough = any(contact.friction > 0.0 for contact in mechanism.contacts)
-    plain = Method("Euler, defaults", Route.NATIVE, 1, DEFAULT_STEPS, profile=Profile.DEFAULT)
+    at_rest = bool(mechanism.contacts or mechanism.stops)
+    plain = Method(
+        "Euler, defaults", Route.NATIVE, 1, DEFAULT_STEPS, profile=Profile.DEFAULT, softness=1.0, soft_at_rest=at_rest
+    )
     if not rough:
         yield plain
         return

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -100,6 +101,15 @@ def set_gains(translation: Translation, state: State, interval: float, softness:
         b, k = _gains(limit.restitution, (damping, damping / (RELAXATION_OF_STOPS * interval)), softness)
         model.jnt_solref[limit.joint] = _solref(k, b, 1.0)
     model.dof_solref[:] = _solref(0.0, _SLIDING / step, 1.0)
+
+
+def soften_defaults(model: Any, softness: float) -> None:
+    """Scale the time constant of dry friction at MuJoCo's defaults by the root of the softness.
+
+    What rests on contacts sinks and creeps by their regularisation, which is in proportion to the softness
+    (`methods.configured`). Dry friction creeps by the time constant, even without regularisation.
+    """
+    model.dof_solref[:, 0] *= float(np.sqrt(softness))
 
 
 def _gains(restitution: float, slow: tuple[float, float], softness: float) -> tuple[float, float]:

@@ -33,7 +33,7 @@ from consilience_mujoco.callback import answering
 from consilience_mujoco.charts import advance
 from consilience_mujoco.contact_instant import ContactInstant
 from consilience_mujoco.contact_methods import CONTACT_FEATURES, HALVINGS, REASONS, refused, unilateral_methods
-from consilience_mujoco.contact_motion import ContactRecord, set_gains
+from consilience_mujoco.contact_motion import ContactRecord, set_gains, soften_defaults
 from consilience_mujoco.contacts import is_unilateral
 from consilience_mujoco.evaluate import (
     accelerations,
@@ -236,9 +236,13 @@ class MujocoEngine:
     @staticmethod
     def _start(translation: Translation, state: State, interval: float, method: Method) -> ContactRecord | None:
         """Set the gains of contacts, stops and dry friction; return the record of contacts, None if there are none."""
-        if method.profile is Profile.MATCHED and is_unilateral(translation.mechanism):
-            set_state(translation, state)
-            set_gains(translation, state, interval, method.softness or 1.0)
+        if is_unilateral(translation.mechanism):
+            softness = 1.0 if method.softness is None else method.softness
+            if method.profile is Profile.MATCHED:
+                set_state(translation, state)
+                set_gains(translation, state, interval, softness)
+            else:
+                soften_defaults(translation.model, softness)
         contacts = len(translation.mechanism.contacts)
         return ContactRecord(contacts) if contacts else None
 

@@ -284,6 +284,32 @@ def test_a_stop_without_restitution_catches_a_joint_that_the_tree_passes_backwar
     close((2.0 * np.arctan2(answer.quat_WB[-1, 0, 3], answer.quat_WB[-1, 0, 0]),), (-0.2,), 1e-3)
 
 
+def at_defaults(mechanism, state, softness):
+    """Return a motion of 1 s at MuJoCo's defaults, with their softness scaled."""
+    method = next(m for m in ENGINE.methods(mechanism, T) if m.profile is Profile.DEFAULT)
+    assert method.softness == 1.0
+    times = np.linspace(0.0, 1.0, 11)
+    return ENGINE.trajectory(mechanism, state, times, replace(method, softness=softness), 5e-4)
+
+
+@pytest.mark.parametrize("softness", [0.01, 0.0025])
+def test_a_ball_at_rest_at_the_defaults_sinks_by_the_softness(softness):
+    """``R N = k d r``: R is (1 - d)/d over the mass times the softness, d is 0.9, k is 1/(0.95 0.02 s)^2."""
+    mechanism = LAB.free_body(1.3, [0.4 * 1.3 * 0.01] * 3, LEVEL, [LAB.sphere(0.1, friction=0.0)])
+    centre = LAB.centre(at_defaults(mechanism, LAB.state([0, 0, 0.1], [0, 0, 0]), softness))[0]
+    assert 0.1 - centre[2] == pytest.approx(softness * (0.1 / 0.9) * G * (0.95 * 0.02) ** 2 / 0.9, rel=1e-3)
+
+
+@pytest.mark.parametrize("softness", [1.0, 0.01])
+def test_dry_friction_that_sticks_at_the_defaults_creeps_by_the_softness(softness):
+    """``R T = b v``: R is in proportion to the softness, b = 2/(0.95 0.02 s) to one over its root."""
+    mechanism = pendulum(LAB, bound=0.5)
+    state = initial_state(mechanism, Initial({"hinge": {"angle": 0.05}}))
+    w = (LAB.axes.T @ at_defaults(mechanism, state, softness).w_WB_W[-1, 0])[1]
+    creep = (0.1 / 0.9) * 3.0 * 0.5 * G * np.sin(0.05) * 0.5 * 0.95 * 0.02
+    assert -w == pytest.approx(softness**1.5 * creep, rel=0.03)
+
+
 LEVEL_LAB = Lab(axes=np.eye(3), principal=turned(0.0, 0.0, 0.4))
 TILTED_LAB = Lab(axes=rotation_with_z_axis([1.0, 2.0, 2.0], [1.0, 0.0, 0.0]))
 

@@ -11,7 +11,17 @@ from consilience.compare.judge import REFERENCE, judge_case, stable_levels
 from consilience.compare.rules import RULES
 from consilience.compare.softness import SCALES
 from consilience.compare.uncertainty import LEVEL_BUDGET, MOST_LEVELS
-from consilience.engine import Method, Profile, Question, Route, Run, Status, TrajectoryAnswer
+from consilience.engine import (
+    CONTACT_MODES,
+    EVENT_KINDS,
+    Method,
+    Profile,
+    Question,
+    Route,
+    Run,
+    Status,
+    TrajectoryAnswer,
+)
 from consilience.engine.worker.client import Reply
 from consilience.engine.worker.requests import Plan
 from consilience.mechanism import Initial, JointSpring
@@ -41,10 +51,10 @@ class Known:
         return Reply(motion(SIZE * SHAPE * self.error(request.step, softness or 0.0)), returned=True, cpu=self.cpu)
 
 
-def asked(error, soft=False, yard=YARD, cpu=0.0, case=CASE):
+def asked(error, soft=False, yard=YARD, cpu=0.0, case=CASE, **more):
     """Return the substeps asked at the method's own softness, and (substeps, softness) asked at others."""
     worker = Known(error, cpu, case.fastest_rate)
-    method = Method("m", Route.NATIVE, 2, tuple(THREE), softness=1.0 if soft else None)
+    method = Method("m", Route.NATIVE, 2, tuple(THREE), softness=1.0 if soft else None, **more)
     ladder = EngineCase(worker, case, Plan({}, {}, {}), reference_motion=yard).ladder
     list(ladder(Question.TRAJECTORY, method, [SAMPLE / n for n in THREE]))
     own = [n for n, s in worker.asked if s in (None, 1.0)]
@@ -68,6 +78,25 @@ def test_a_clear_order_elsewhere_needs_no_finer_steps_but_softness():
     elsewhere, scales = asked(lambda h, s: h**2 + 1e-4 * s, soft=True)
     assert elsewhere == THREE
     assert scales == [(40, s) for s in SCALES[Profile.MATCHED]]
+
+
+@pytest.mark.parametrize(
+    ("motion", "other"),
+    [
+        ({"contact_mode": np.full((len(TIMES), 1), CONTACT_MODES.index("sticking"))}, True),
+        ({"contact_mode": np.eye(1, len(TIMES), 3, dtype=int).T}, False),
+        ({"event_kind": np.array([EVENT_KINDS.index("closes")])}, True),
+        ({"event_kind": np.array([EVENT_KINDS.index("slips")])}, False),
+        ({"event_kind": np.array([EVENT_KINDS.index("impact")])}, False),
+    ],
+    ids=["sticks", "slides at a sample", "closes", "slips between samples", "hits"],
+)
+def test_a_softness_that_leads_to_the_law_at_rest_alone_is_not_varied_where_the_reference_slides_or_hits(motion, other):
+    times = {"event_time": np.array([0.5]), "event_contact": np.array([0])} if "event_kind" in motion else {}
+    yard = replace(YARD, answer=replace(TRUE, **motion, **times))
+    for at_rest in (True, False):
+        _, scales = asked(lambda h, s: h**2 + 1e-2 * s, soft=True, yard=yard, soft_at_rest=at_rest)
+        assert bool(scales) == (other or not at_rest)
 
 
 def test_an_order_that_does_not_settle_is_followed_to_the_end():

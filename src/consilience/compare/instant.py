@@ -200,7 +200,7 @@ def _with_softness(
             )
             return replace(compared, verdict=Verdict.UNRESOLVED, rule="softness unclear", why=f"{why}are needed")
     q, soft = found[0]
-    why = f"{q.name}: difference {q.difference:.2g}, {soft.limit:.2g} without softness (order {soft.order:.2f} in it)"
+    why = f"{q.name}: difference {q.difference:.2g}, {soft.limit:.2g} without softness ({soft.observed})"
     return replace(compared, verdict=Verdict.REGULARISATION, rule="softness", why=f"{why}: the constraints are soft")
 
 

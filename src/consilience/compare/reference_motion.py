@@ -12,7 +12,10 @@ from consilience.compare.power import MotionSensitivity
 from consilience.engine import EVENT_KINDS, TrajectoryAnswer
 from consilience.mechanism import Array, Mechanism, State, first_singular
 
-IMPACT, OPENS = EVENT_KINDS.index("impact"), EVENT_KINDS.index("opens")
+IMPACT, OPENS, SLIPS = (EVENT_KINDS.index(kind) for kind in ("impact", "opens", "slips"))
+
+SLIDING = 1
+"""Contact mode of a contact that slides (`TrajectoryAnswer.contact_mode`)."""
 
 _SAMPLED = (
     *("time", "p_WB", "quat_WB", "v_WB_W", "w_WB_W"),
@@ -105,6 +108,14 @@ class ReferenceMotion:
         """Times of the other events, s: the acceleration jumps where contacts or frictions change their mode."""
         kinds, times = self.answer.event_kind, self.answer.event_time
         return np.zeros(0) if kinds is None or times is None else np.asarray(times)[np.asarray(kinds) != IMPACT]
+
+    @property
+    def slides_or_hits(self) -> bool:
+        """Whether a contact slides at a sample or begins to between samples, or bodies hit one another."""
+        modes, kinds = self.answer.contact_mode, self.answer.event_kind
+        sliding = modes is not None and bool(np.any(np.asarray(modes) == SLIDING))
+        begins = kinds is not None and bool(np.any(np.isin(np.asarray(kinds), (IMPACT, SLIPS))))
+        return sliding or begins
 
     def since_openings(self, end: float) -> float:
         """Return the sum of the times since contacts opened, s: nothing brings back a speed that is off there."""

@@ -57,7 +57,7 @@ def _softness_text(e: Evidence) -> str:
     left = min(e.softness.limit, e.hard_limit)
     return (
         f"differs by {e.finest:.2g}, by {left:.2g} without softness{' and steps' if left < e.softness.limit else ''} "
-        f"(order {e.softness.order:.2f} in it): the engine's constraints are soft"
+        f"({e.softness.observed}): the engine's constraints are soft"
     )
 
 

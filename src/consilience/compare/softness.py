@@ -2,9 +2,11 @@
 
 Answers to the same question at three softnesses s, each half the previous, form a ladder like answers at three steps
 (`uncertainty`): if they converge with some order in s, they have a limit without softness. The order depends on the
-engine and is observed; it must lie between `LEAST` and `MOST`. A difference is due to regularisation if the limit is
-nearer to the reference by the factor `EXPLAINED`, or within what is allowed. If softness changes an answer by as much
-as the difference, but not towards the reference, the cause stays open.
+engine and is observed; it must lie between `LEAST` and `MOST`. A ladder may be so hard that its answers only scatter:
+the hardest is the limit, if three times the scatter is within the share `EXPLAINED` of what softness has moved. A
+difference is due to regularisation if the limit is nearer to the reference by the factor `EXPLAINED`, or within what is
+allowed. If softness changes an answer by as much as the difference, but not towards the reference, the cause stays
+open.
 
 Matched settings are at the hard end of the engine's range, and the ladder leads from softer settings to them. Default
 settings are so soft that answers are no longer proportional to s: their ladder is at far harder settings.
@@ -19,6 +21,7 @@ from typing import TypeVar
 import numpy as np
 
 from consilience.compare.motion import Scales, difference_over_time, extrapolated
+from consilience.compare.uncertainty import CAUTIOUS
 from consilience.engine import Profile, TrajectoryAnswer
 from consilience.mechanism import Array
 
@@ -42,7 +45,7 @@ class Softness:
     Attributes
     ----------
     order : float or None
-        Order observed in s; None if answers do not depend on s.
+        Order observed in s; None if the answers of the ladder do not depend on s, or scatter too little to matter.
     shift : float
         Difference of the judged answer to the limit.
     limit : float
@@ -53,12 +56,17 @@ class Softness:
     shift: float
     limit: float
 
+    @property
+    def observed(self) -> str:
+        """Order in the softness, in words."""
+        return "no order in it left" if self.order is None else f"order {self.order:.2f} in it"
+
     def explains(self, difference: float, allowed: float, hard_limit: float = np.inf) -> bool:
         """Whether a difference to the reference vanishes with the softness, up to the allowed difference.
 
         A smaller difference of the limit without softness and without steps, `hard_limit`, counts as well.
         """
-        settled = self.order is not None and LEAST <= self.order <= MOST
+        settled = self.order is None or LEAST <= self.order <= MOST
         return settled and min(self.limit, hard_limit) <= max(EXPLAINED * difference, allowed)
 
     def matters(self, difference: float) -> bool:
@@ -90,7 +98,10 @@ def _dependence(
     one, two, four = (answers[n] for n in np.argsort([1.0, *softness])[:3])  # the three hardest, hard to soft
     hard, soft = difference(one, two), difference(two, four)
     order = float(np.log2(soft / hard)) if hard > 0.0 and soft > 0.0 else None
-    limit = one if order is None or order <= 0 else extrapolate(two, one, 2.0**order - 1.0)
+    if order is not None and not LEAST <= order <= MOST:
+        moved = difference(answers[0], one)
+        order = None if CAUTIOUS * max(hard, soft) <= EXPLAINED * moved else order
+    limit = one if order is None or order < LEAST else extrapolate(two, one, 2.0**order - 1.0)
     shift = difference(answers[0], limit) if one is not answers[0] or limit is not one else hard
     return Softness(order, shift, difference(limit, reference)), limit
 

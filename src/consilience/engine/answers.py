@@ -119,6 +119,9 @@ class Method:
         Scale of the engine's own regularisation of constraints: 1 for these settings, 2 for twice as soft; None where
         the constraints are hard. The harness asks again with another scale to see whether a difference to the
         reference depends on the regularisation.
+    soft_at_rest : bool
+        Whether the softness leads to the case's law only where nothing slides and nothing hits, as of convex cones,
+        which lift what slides however hard they are. Where the reference slides or hits, no other softness is asked.
     contact_law : str
         Which law of contact the method solves, in plain words: ``circle``, ``pyramid of 4 facets along ...``.
     law : ContactLaw or None
@@ -133,6 +136,7 @@ class Method:
     settings: dict[str, Any] = field(default_factory=dict, kw_only=True)
     profile: Profile = field(default=Profile.MATCHED, kw_only=True)
     softness: float | None = field(default=None, kw_only=True)
+    soft_at_rest: bool = field(default=False, kw_only=True)
     contact_law: str = field(default="", kw_only=True)
     law: ContactLaw | None = field(default=None, kw_only=True)
 

@@ -61,7 +61,7 @@ CHECKED: dict[type, tuple[str, ...]] = {
     Manifest: ("exact", "approximated"),
     Method: (
         *("name", "route", "order", "substeps", "tolerances", "settings", "profile", "softness"),
-        *("contact_law", "law"),
+        *("soft_at_rest", "contact_law", "law"),
     ),
     Unsupported: ("feature", "reason"),
     Plan: ("unsupported", "methods", "manifest"),
