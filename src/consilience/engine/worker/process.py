@@ -18,8 +18,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 
-import psutil
-
 from consilience.engine.worker.wire import Incoming, Message, ProtocolError
 
 _SLICE = 0.05
@@ -106,7 +104,6 @@ class Process:
             theirs.close()
             os.close(lifeline)
             os.close(printed)
-        self._seen = psutil.Process(self._process.pid)
         self._wire.setblocking(False)
         os.set_blocking(self._output, False)
         self._channel = self._wire.fileno()
@@ -210,10 +207,8 @@ class Process:
             raise Fault("stopped before it answered")
         if self._process.poll() is not None and self.quiet():  # a child may hold the connection open
             raise self._gone(coming)
-        with suppress(psutil.Error):
-            used = self._seen.memory_info().rss
-            if used > self._memory:
-                raise Fault(f"out of memory: {used / 2**20:.0f} MiB, the limit is {self._memory / 2**20:.0f} MiB")
+        if (used := _resident_memory(self._process.pid)) > self._memory:
+            raise Fault(f"out of memory: {used / 2**20:.0f} MiB, the limit is {self._memory / 2**20:.0f} MiB")
         if late:
             self._ask_where()
             raise Fault(f"no answer within {limit:g} s; the worker was stopped{_part(coming)}")
@@ -280,12 +275,7 @@ class Process:
             os.killpg(self._process.pid, signal.SIGKILL)
         self._process.kill()
         self._process.wait()
-        for pid in psutil.pids():
-            # a child process that has left the process group
-            with suppress(psutil.Error, OSError):
-                other = psutil.Process(pid)
-                if other.environ().get(_MARK) == self._mark:
-                    other.kill()
+        _kill_marked(self._mark)
         with suppress(Fault, OSError):
             self._listen()
         self._close()
@@ -296,6 +286,26 @@ class Process:
         self._wire.close()
         os.close(self._lifeline)
         os.close(self._output)
+
+
+def _resident_memory(pid: int) -> int:
+    """Return the resident memory of a process in bytes, zero if it is gone."""
+    import psutil  # noqa: PLC0415 - `simulate` starts no process
+
+    with suppress(psutil.Error):
+        return int(psutil.Process(pid).memory_info().rss)
+    return 0
+
+
+def _kill_marked(mark: str) -> None:
+    """Kill the processes that carry the mark of a worker: children that have left the process group."""
+    import psutil  # noqa: PLC0415
+
+    for pid in psutil.pids():
+        with suppress(psutil.Error, OSError):
+            other = psutil.Process(pid)
+            if other.environ().get(_MARK) == mark:
+                other.kill()
 
 
 def _part(coming: Incoming) -> str:
