@@ -29,7 +29,10 @@ def main() -> int:
     parser.add_argument("--short", action="store_true", help="few cases and rounds: to see that it works")
     written = "Markdown file, in which only what ran is replaced; default: docs/benchmarks.md for the whole long set"
     parser.add_argument("--output", type=Path, help=written)
+    parser.add_argument("--case", action="append", default=[], help="of contact: the named one alone, printed alone")
     chosen = parser.parse_args()
+    if chosen.case and (chosen.names != ["contact"] or chosen.output or chosen.short):
+        parser.error("--case goes with the benchmark contact alone, without --output and --short")
     for name in chosen.names:
         if name not in known:
             parser.error(f"no benchmark '{name}': there are {', '.join(known)}")
@@ -42,6 +45,8 @@ def main() -> int:
     for name in chosen.names or known:
         start, tables = time.perf_counter(), []
         tables_of = partial(run, name) if name in SCRIPTS else import_module(name).run
+        if chosen.case:
+            tables_of = partial(tables_of, names=chosen.case)
         for table in tables_of(chosen.short):
             print(table.markdown(), flush=True)
             tables.append(table)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from functools import partial
 
 import numpy as np
@@ -11,13 +11,13 @@ from tables import Table
 from timing import race, ratio, seconds
 
 from consilience.case import Case, shipped_cases
-from consilience.engine import Engine, Method, Profile, Question, Route, installed, load_engine
+from consilience.engine import Engine, Method, Profile, Question, Route, TrajectoryAnswer, installed, load_engine
 from consilience.errors import ConsilienceError
-from consilience.mechanism import Array
+from consilience.mechanism import Array, characteristic_length, rotation_from_quaternion
 from consilience.reference.contact import simulate_with_contacts
 
 BARS = {1e-9: (10.0, "any route of any engine"), 1e-4: (1.0, "engines' own steps")}
-"""Largest error of the position of any body at any sample in m, with the least ratio of times, and what counts."""
+"""Largest error of the pose of any body at any sample in m, with the least ratio of times, and what counts."""
 
 TRUTH = 1e-13
 TOLERANCES = tuple(10.0 ** (-0.5 * n) for n in range(8, 25))
@@ -29,31 +29,40 @@ PATIENCE, AT_LEAST = 16.0, 0.1
 
 SHORT = ("block_incline-down", "bowling-skid")
 
+Run = Callable[[], TrajectoryAnswer]
 
-def _chosen(short: bool, target: float) -> Iterator[Case]:
-    """Yield the cases of a table; to 1e-9 those without impacts, whose places in a step no engine finds."""
+
+def _chosen(names: Collection[str], target: float) -> Iterator[Case]:
+    """Yield the cases of a table, all without names; to 1e-9 no impacts, whose places in a step no engine finds."""
     for case in shipped_cases():
         hits = target < 1e-4 and bool({"impact", "stop"} & set(case.tags))
-        if case.name in SHORT or (not short and "contact" in case.tags and not hits):
+        if "contact" in case.tags and not hits and (not names or case.name in names):
             yield case
 
 
-def _error(run: Callable[[], Array], truth: Array) -> tuple[float, float]:
-    """Return the error of a run, infinite where it fails, and its CPU time."""
+def _error(run: Run, truth: Array, length: float) -> tuple[float, float]:
+    """Return the error of a run over poses with a length, infinite where it fails, and its CPU time."""
     start = time.process_time()
     try:
         found = run()
     except (ConsilienceError, ArithmeticError, ValueError, RuntimeError):
         return np.inf, time.process_time() - start
-    return float(np.max(np.abs(found - truth))), time.process_time() - start
+    cpu = time.process_time() - start
+    return float(np.max(np.abs(_poses(found, length) - truth))), cpu
 
 
-def _motion(engine: Engine, case: Case, method: Method, step: float) -> Array:
-    return engine.trajectory(case.mechanism, case.initial_state, case.times, method, step).p_WB
+def _motion(engine: Engine, case: Case, method: Method, step: float) -> TrajectoryAnswer:
+    return engine.trajectory(case.mechanism, case.initial_state, case.times, method, step)
 
 
-def _reference(case: Case, tolerance: float) -> Array:
-    return simulate_with_contacts(case.mechanism, case.initial_state, case.times, tolerance)[0].p_WB
+def _reference(case: Case, tolerance: float) -> TrajectoryAnswer:
+    return simulate_with_contacts(case.mechanism, case.initial_state, case.times, tolerance)[0]
+
+
+def _poses(answer: TrajectoryAnswer, length: float) -> Array:
+    """Return the positions of the origins, and of points at a length from them along each axis, less the origins."""
+    axes = length * rotation_from_quaternion(answer.quat_WB)
+    return np.concatenate([answer.p_WB[..., None], axes], axis=-1)
 
 
 def _hopeless(errors: list[float], cpu: float, target: float, patience: float) -> bool:
@@ -64,9 +73,10 @@ def _hopeless(errors: list[float], cpu: float, target: float, patience: float) -
     return gain < 1.5 or cpu * 4.0 ** (np.log(errors[-1] / target) / np.log(gain)) > patience
 
 
-def _fastest(case: Case, truth: Array, target: float, patience: float) -> tuple[str, Callable[[], Array]] | None:
+def _fastest(case: Case, truth: Array, target: float, patience: float) -> tuple[str, Run] | None:
     """Return the fastest run of any engine that reaches an accuracy, and how; of 1e-4 by its own steps alone."""
-    best: tuple[float, str, Callable[[], Array]] | None = None
+    best: tuple[float, str, Run] | None = None
+    length = characteristic_length(case.mechanism)
     for name in installed():
         if name == "reference":
             continue
@@ -79,7 +89,7 @@ def _fastest(case: Case, truth: Array, target: float, patience: float) -> tuple[
             errors = list[float]()
             for step in method.tolerances or [case.sample / 4**n for n in range(1, LEVELS + 1)]:
                 run = partial(_motion, engine, case, method, step)
-                error, cpu = _error(run, truth)
+                error, cpu = _error(run, truth, length)
                 errors.append(error)
                 if error <= target and (best is None or cpu < best[0]):
                     best = cpu, f"{name}, {method.name}, {step:.3g}", run
@@ -89,20 +99,22 @@ def _fastest(case: Case, truth: Array, target: float, patience: float) -> tuple[
     return None if best is None else best[1:]
 
 
-def run(short: bool) -> Iterator[Table]:
-    """Yield one table for each accuracy."""
+def run(short: bool, names: Collection[str] = ()) -> Iterator[Table]:
+    """Yield one table for each accuracy, of all cases or of those named."""
     columns = ("case", "over", "reference", "engine", "how", "engine / reference")
     for target, (bar, what) in BARS.items():
         about = (
             f"Bar: {bar:g}. The fastest of {what}, as its adapter is called; both build the model within the time. "
+            "The error is that of each body's origin and of the body's axes, as long as the mechanism's longest arm. "
             f"A method is given up where a run takes {PATIENCE:g} times as long as the reference, or would."
         )
         table = Table(f"A motion with contact to {target:.0e} m", about, columns)
-        for case in _chosen(short, target):
-            truth, own = _reference(case, TRUTH), None
+        for case in _chosen(SHORT if short else names, target):
+            length, own = characteristic_length(case.mechanism), None
+            truth = _poses(_reference(case, TRUTH), length)
             for tolerance in TOLERANCES:
                 mine = partial(_reference, case, tolerance)
-                error, cpu = _error(mine, truth)
+                error, cpu = _error(mine, truth, length)
                 if error <= target:
                     own = mine, max(PATIENCE * cpu, AT_LEAST)
                     break
