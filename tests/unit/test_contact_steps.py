@@ -7,6 +7,7 @@ from consilience.case import load_cases
 from consilience.errors import NumericalFailure
 from consilience.reference.contact import simulate_with_contacts, simulation
 from consilience.reference.contact.event_functions import EventFunctions
+from consilience.reference.contact.events import Watch, first_zero, nodes_of
 
 
 @pytest.mark.parametrize("name", ["bowling-backspin", "bounces_that_slide"])
@@ -36,3 +37,26 @@ def test_steps_that_never_end_before_a_slip_has_passed_zero_end_the_motion_by_na
     monkeypatch.setattr(EventFunctions, "now", lambda *_: -1.0)
     with pytest.raises(NumericalFailure, match=r"t = 0\.61.*within what the time resolves"):
         simulate_with_contacts(case.mechanism, case.initial_state, case.times, 1e-12)
+
+
+@pytest.mark.parametrize(("rise", "expected"), [(1e-17, None), (1e-3, (pytest.approx(0.5, abs=1e-12), 0))])
+def test_a_gap_of_rounding_between_bodies_of_one_speed_never_closes(rise, expected):
+    """``g = rise sin(2 pi t)``: of a gap that opens the zero is at 1/2, one of rounding has none."""
+
+    def values(times):
+        turn = 2.0 * np.pi * times[:, None]
+        return rise * np.sin(turn), 2.0 * np.pi * rise * np.cos(turn)
+
+    found = first_zero(values, nodes_of(0.0, 0.9, 1.0), np.zeros(1, dtype=bool), [Watch("gap", 0, 1.0)])
+    assert found == expected
+
+
+def test_touching_balls_that_are_hit_ask_for_no_step_but_those_of_the_motion():
+    """Behind the impact two balls touch and move at one speed: what rounding makes of their gap is no event."""
+    (case,) = load_cases("balls_touching")
+    counts = []
+    for tolerance in (1e-4, 1e-10):
+        answer, events = simulate_with_contacts(case.mechanism, case.initial_state, case.times, tolerance)
+        assert [event.kind for event in events] == ["impact", "opens"]
+        counts.append(answer.counters["steps"])
+    assert max(counts) <= 7  # four of the motion, and the impact

@@ -165,7 +165,8 @@ class _Column:
         """Return the first zero, or None, and whether the function counts at the last node."""
         value, nodes = self.value, self.nodes
         for k in range(len(nodes) - 1):
-            rises = value[k] >= -ROUNDING * ready and self.rate[k] > 0.0
+            noise = ROUNDING * ready  # what does not leave it within a part rises by rounding alone
+            rises = value[k] >= -noise and self.rate[k] * (nodes[k + 1] - nodes[k]) > noise
             armed = armed or bool(value[k] > ready or rises)
             low = self._lowest(k) if armed else None
             if low is not None:
