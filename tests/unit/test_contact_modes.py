@@ -91,6 +91,19 @@ def test_breakaway(cone, push):
     assert np.allclose(decide(problem).acceleration, 0.0, atol=1e-12) == (push < 1.0)
 
 
+def test_two_discs_of_constant_bounds_share_a_force():
+    # T1 + A T2 = F within C1 and C2: the least of C - |T| is largest where both are equal, and T1 along some vector,
+    # here (1, 1), T2 along A (1, 1) (Lagrange's multipliers of a concave problem)
+    T, A, margin = np.array([0.6, 0.6, 0.2, 0.4]), np.diag([1.0, 2.0]), 1.000002 - 0.6 * np.sqrt(2.0)
+    K = np.vstack([np.eye(2), A])  # the largest bound, 1.000002, is the unit of the forces: near one, but not one
+    bounds = (margin + np.linalg.norm(part) for part in (T[:2], T[2:]))
+    discs = tuple(FrictionSet("", (2 * k, 2 * k + 1), 1.0, 1.0, None, float(C)) for k, C in enumerate(bounds))
+    problem = ContactProblem(K @ K.T, -K @ (K.T @ T), ("a", "a", "b", "b"), (), discs)
+    found = sticking_margin(problem, problem.natural_modes())
+    assert found.value == pytest.approx(margin, rel=1e-13)
+    np.testing.assert_allclose(found.force, T, rtol=1e-13)
+
+
 def test_static_friction_holds_more_than_kinetic():
     problem = touching(FEET, 2.0, LUMPY, weight_on_incline(2.0, np.radians(20.0)), 0.25)
     held = replace(problem, friction=tuple(replace(f, static=0.4) for f in problem.friction))

@@ -14,6 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from consilience.mechanism import Array
+from consilience.reference.contact.algebra import solve_small
 from consilience.reference.kernel.compiled import allocating
 
 _FASTER = 50.0
@@ -24,6 +25,10 @@ _CENTRED = 1e-2
 
 _SINGULAR = 1e-14
 """Pivots of the scaled Hessian below this belong to directions that the cones leave free: y does not move there."""
+
+_NEWTON, _BINDS, _NEAR, _POLISHED = 4, 1e-6, 1e-4, 1e-11
+"""Largest number of steps of Newton's method after the barrier; margins that count as equal; the largest change; the
+change of a step, behind which another one changes rounding alone."""
 
 
 @allocating
@@ -137,3 +142,61 @@ def _solve(hessian, right):  # type: ignore[no-untyped-def]
             x[k] /= L[k, k]
             x[:k] -= L[k, :k] * x[k]
     return x / scale
+
+
+@allocating
+def _margins(t, T, v, V, y):  # type: ignore[no-untyped-def]
+    """Return the margin ``t + T y - |v + V y|`` of each cone, its gradient, and the vector across with its length."""
+    count, n = T.shape
+    margin, gradient, across, size = t.copy(), T.copy(), v.copy(), np.zeros(count)
+    for i in range(count):
+        for k in range(n):
+            margin[i] += T[i, k] * y[k]
+            across[i, 0] += V[i, 0, k] * y[k]
+            across[i, 1] += V[i, 1, k] * y[k]
+        size[i] = max(np.sqrt(across[i, 0] ** 2 + across[i, 1] ** 2), np.finfo(np.float64).tiny)
+        margin[i] -= size[i]
+        across[i] /= size[i]
+        for k in range(n):
+            gradient[i, k] -= across[i, 0] * V[i, 0, k] + across[i, 1] * V[i, 1, k]
+    return margin, gradient, across, size
+
+
+@allocating
+def polish(t: Array, T: Array, v: Array, V: Array, y: Array) -> Array:
+    """Return the point of the widest margin by Newton's method, from that of the barrier: directions to rounding.
+
+    Of the cones that bind, margins are equal and some positive combination of their gradients vanishes (Kuhn, Tucker).
+
+    Parameters
+    ----------
+    t, T, v, V : see `minimise`
+    y : ndarray, shape (k,)
+        Near the point.
+    """
+    first, n = y, len(y)
+    for _ in range(_NEWTON):
+        margin, gradient, across, size = _margins(t, T, v, V, y)
+        binding = np.flatnonzero(margin <= np.min(margin) + _BINDS)
+        b = len(binding)
+        share, normal = np.zeros(b), np.ones((b, b))
+        system, wanted, change = np.zeros((b + n + 1, b + n + 1)), np.zeros(b + n + 1), np.zeros(b + n + 1)
+        for i in range(b):
+            for j in range(b):
+                normal[i, j] += np.dot(gradient[binding[i]], gradient[binding[j]])
+        solve_small(normal, np.ones(b), share)
+        wanted[b + n] = 1.0 - np.sum(share)
+        for i in range(b):
+            c = binding[i]
+            wanted[n + i], system[n + i, b + n], system[b + n, n + i] = -margin[c], -1.0, 1.0
+            for k in range(n):
+                wanted[k] -= share[i] * gradient[c, k]
+                system[k, n + i] = system[n + i, k] = gradient[c, k]
+                turn = across[c, 0] * V[c, 1, k] - across[c, 1] * V[c, 0, k]  # part of V across the vector
+                for m in range(n):
+                    system[k, m] -= share[i] * turn * (across[c, 0] * V[c, 1, m] - across[c, 1] * V[c, 0, m]) / size[c]
+        solve_small(system, wanted, change)
+        y = y + change[:n]
+        if n == 0 or np.max(np.abs(change[:n])) <= _POLISHED:
+            break
+    return y if n == 0 or np.max(np.abs(y - first)) <= _NEAR else first

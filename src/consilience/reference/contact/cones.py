@@ -16,16 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from consilience.mechanism import Array
-from consilience.reference.contact.barrier import minimise
+from consilience.reference.contact.barrier import minimise, polish
 from consilience.reference.contact.mode_system import ModeSolution, active, solve_with_modes
 from consilience.reference.contact.problem import ContactProblem, Modes
 
 _GAP = 1e-14
 """Distance from the optimum at which the barrier method ends, relative to the forces."""
-
-_NEWTON, _BINDS, _DEPENDENT, _NEAR, _POLISHED = 4, 1e-6, 1e-9, 1e-4, 1e-11
-"""Largest number of steps of Newton's method after the barrier; margins that count as equal, and singular values as
-zero; the largest change; the change of a step, behind which another one changes rounding alone."""
 
 _FURTHEST = 10.0
 """Largest margin that is looked for, relative to the forces of least norm: wedged contacts hold one another with forces
@@ -173,37 +169,8 @@ def _widest(cones: _Cones, solution: ModeSolution) -> Array:
     start[k] = min(float(np.min(cones.slack(solution.force))) / unit, _FURTHEST) - 1.0
     cost = np.zeros(k + 1)
     cost[k] = -1.0
-    y = barrier.minimise(cost, 0.0, start)[:k]
-    return solution.force + unit * (Z @ _polished(cones, solution.force / unit, Z, y))
-
-
-def _polished(cones: _Cones, force: Array, Z: Array, y: Array) -> Array:
-    """Return the forces of the widest margin by Newton's method, from those of the barrier: directions to rounding.
-
-    Of the cones that bind, margins are equal and some positive combination of their gradients vanishes (Kuhn, Tucker).
-    """
-    t, T, v, V = cones.t + cones.T @ force, cones.T @ Z, cones.V @ force, cones.V @ Z
-    first = y
-    for _ in range(_NEWTON):
-        across = v + V @ y
-        size = np.maximum(np.linalg.norm(across, axis=1), np.finfo(float).tiny)
-        margin, unit = t + T @ y - size, across / size[:, None]
-        binding = np.flatnonzero(margin <= np.min(margin) + _BINDS)
-        gradient = T[binding] - np.einsum("ca,cak->ck", unit[binding], V[binding])
-        share = np.linalg.lstsq(np.vstack([gradient.T, np.ones(len(binding))]), np.append(0.0 * y, 1.0), rcond=None)[0]
-        b, k = len(binding), len(y)
-        system, wanted = np.zeros((b + k + 1, b + k + 1)), np.zeros(b + k + 1)
-        for i, c in enumerate(binding):
-            W = V[c] - np.outer(unit[c], unit[c] @ V[c])
-            system[:k, :k] -= share[i] * (W.T @ W) / size[c]
-        system[:k, k:-1], system[k:-1, :k] = gradient.T, gradient
-        system[k:-1, -1], system[-1, k:-1] = -1.0, 1.0
-        wanted[:k], wanted[k:-1], wanted[-1] = -gradient.T @ share, -margin[binding], 1.0 - np.sum(share)
-        change = np.linalg.lstsq(system, wanted, rcond=_DEPENDENT)[0][:k]
-        y = y + change
-        if np.max(np.abs(change), initial=0.0) <= _POLISHED:
-            break
-    return y if np.max(np.abs(y - first), initial=0.0) <= _NEAR else first
+    y, exact = barrier.minimise(cost, 0.0, start)[:k], _Barrier(cones, solution.force / unit, Z, unit)
+    return solution.force + unit * (Z @ polish(exact.t, exact.T, exact.v, exact.V, y))
 
 
 class _Barrier:
