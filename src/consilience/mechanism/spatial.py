@@ -213,8 +213,8 @@ def orthogonal_triad(a: ArrayLike) -> tuple[Array, Array]:
     a = np.asarray(a, dtype=float)
     a_d = np.ones(3)
     a_d[int(np.argmax(np.abs(a)))] = 0.0
-    a1 = np.cross(a, a_d)
-    return a1, np.cross(a1, a)
+    a1 = cross(a, a_d)
+    return a1, cross(a1, a)
 
 
 def rotation_with_z_axis(axis: ArrayLike, second: ArrayLike | None = None) -> Array:

@@ -20,6 +20,7 @@ from consilience.mechanism import (
     Joint,
     Mechanism,
     State,
+    crosses,
     plane_axes,
     rotation_from_quaternion,
 )
@@ -229,7 +230,7 @@ def pack(mechanism: Mechanism, state: State) -> Array:
     c = np.einsum("bij,bj->bi", A, np.array([b.com for b in mechanism.bodies]))
     w = state.w_WB_W
     w_body = np.einsum("bji,bj->bi", A, w)
-    bodies = np.hstack([state.p_WB + c, state.quat_WB, state.v_WB_W + np.cross(w, c), w_body])
+    bodies = np.hstack([state.p_WB + c, state.quat_WB, state.v_WB_W + crosses(w, c), w_body])
     return np.vstack([bodies, np.zeros((-(-len(mechanism.controls) // 13), 13))])
 
 
@@ -239,7 +240,7 @@ def unpack(mechanism: Mechanism, y: Array) -> tuple[Array, Array, Array, Array]:
     A = rotation_from_quaternion(y[..., P])
     c = np.einsum("...bij,bj->...bi", A, np.array([b.com for b in mechanism.bodies]))
     w = np.einsum("...bij,...bj->...bi", A, y[..., W])
-    return y[..., R] - c, y[..., P].copy(), y[..., V] - np.cross(w, c), w
+    return y[..., R] - c, y[..., P].copy(), y[..., V] - crosses(w, c), w
 
 
 class Workspace(NamedTuple):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import accumulate, pairwise
 
 import numpy as np
 
@@ -63,8 +64,8 @@ class CompiledEquations:
         self.system = ContactSystem(*record)
         self._serve = BoundOperation(serve, self.system)
         self.kernel = Kernel(*self._serve.addresses)
-        self._ends = np.cumsum([len(self.rows.gap), m, m, m, m * n, n, q * n, q, q, q, 1])
-        self.width = int(self._ends[-1])
+        self._ends = tuple(accumulate([len(self.rows.gap), m, m, m, m * n, n, q * n, q, q, q, 1]))
+        self.width = self._ends[-1]
 
     def _ask(self, request: int, t: float, y: Array, turns: Array, out: Array = _NOTHING) -> float:
         """Ask the compiled equations at a packed state."""
@@ -101,7 +102,7 @@ class CompiledEquations:
 
     def sampled_rows(self, z: Array, found: Array) -> SampledRows:
         """Return samples from times, packed states and turns, (n, ...), and from what `derivative.SAMPLE` writes."""
-        gap, u, force, bias, J, applied, Q, *joint = np.split(found, self._ends[:-1], axis=1)
+        gap, u, force, bias, J, applied, Q, *joint = (found[:, a:b] for a, b in pairwise((0, *self._ends)))
         turns = z.shape[1] - len(self.turns)
         rows = J.reshape(len(z), *self.rows.J.shape), applied, Q.reshape(len(z), *self._ws.Q.shape), *joint
         states, offset = z[:, 1:turns].reshape(len(z), -1, 13), self.offsets[None].repeat(len(z), axis=0)

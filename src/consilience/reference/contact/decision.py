@@ -112,6 +112,8 @@ def _assembled(
 
 def _joined(problem: ContactProblem, parts: list[tuple[RowGroup, ModeSolution]]) -> ModeSolution:
     """Return the solution of the whole problem from those of its groups."""
+    if len(parts) == 1:
+        return parts[0][1]
     m = len(problem.free)
     force, undetermined = np.zeros(m), [np.zeros((m, 0))]
     closed, friction = np.zeros(len(problem.normals), dtype=bool), list(problem.natural_modes().friction)

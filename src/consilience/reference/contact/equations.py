@@ -17,7 +17,8 @@ are reactions of joints follow from the forces of all rows (`joint_friction`).
 
 from __future__ import annotations
 
-from typing import cast
+from functools import lru_cache
+from typing import Any, cast
 
 import numpy as np
 
@@ -67,6 +68,7 @@ class ContactEquations(CompiledEquations):
         self._bounded = {3 * k: s for s, k in enumerate(layout.springs)}
         self._reacting = reacting_joints(layout)
         self.reacting = False
+        self._structure = lru_cache(maxsize=32)(self._structure_of)
         self.activate(open_modes(layout))
         self.inverse = np.zeros((6 * len(self.model.mass),) * 2)  # L^-1
         for b, (mass, F) in enumerate(zip(self.model.mass, self.model.inertia_factor, strict=True)):
@@ -146,6 +148,13 @@ class ContactEquations(CompiledEquations):
         """Return (dv/dt, dw'/dt) of all bodies, shape (6 n_b,), under forces p on the rows."""
         return self.inverse.T @ (response.z + response.K.T @ p)
 
+    def energy(self, y: Array) -> float:
+        """Return the kinetic energy of a packed state, J."""
+        bodies = y[: len(self.model.mass)]
+        v, w = bodies[:, 7:10], bodies[:, 10:13]
+        spin = np.einsum("bi,bij,bj->", w, self.model.inertia, w)
+        return 0.5 * float(np.sum(v * v, axis=1) @ self.model.mass + spin)
+
     def multipliers(self, response: Response, p: Array) -> Array:
         """Return the multipliers of the joints' rows, of least norm, shape (q,), at the state of the response.
 
@@ -180,24 +189,28 @@ class ContactEquations(CompiledEquations):
         sets : ndarray of int
             Its friction sets among all.
         """
-        layout = self.layout
-        normals = [n for n, touches in zip(layout.normals, touching, strict=True) if touches]
-        loads = {None, *normals, *(row for row, s in self._bounded.items() if self.pressed[s])}
-        sets = [j for j, one in enumerate(layout.friction) if one.load in loads]
-        rows = np.array(sorted({*normals, *(r for j in sets for r in layout.friction[j].rows)}), dtype=np.int64)
-        place = {int(row): k for k, row in enumerate(rows)}
+        key = touching.tobytes(), self.pressed.tobytes(), *self.offsets.tolist()  # bytes can be looked up
+        names, normals, friction, rows, sets = self._structure(*key)
         K, free, scale = response.K[rows], response.free[rows], np.linalg.norm(response.load[:, rows], axis=0)
         held = np.linalg.norm(K, axis=1) <= HELD * scale
         K[held] = 0.0
         free[held & (np.abs(free) <= HELD * scale * response.pull)] = 0.0
-        problem = ContactProblem(
-            *(K @ K.T, free),
+        return ContactProblem(K @ K.T, free, names, normals, friction, sliding[rows], scale), rows, sets
+
+    def _structure_of(self, touching: bytes, pressed: bytes, *offsets: float) -> tuple[Any, ...]:
+        """Return names, normals and friction of the problem of the normals that touch, and its rows and sets."""
+        layout = self.layout
+        normals = [n for n, touches in zip(layout.normals, touching, strict=True) if touches]
+        loads = {None, *normals, *(row for row, s in self._bounded.items() if pressed[s])}
+        sets = [j for j, one in enumerate(layout.friction) if one.load in loads]
+        rows = sorted({*normals, *(r for j in sets for r in layout.friction[j].rows)})
+        place = {row: k for k, row in enumerate(rows)}
+        return (
             tuple(layout.names[row] for row in rows),
             tuple(place[n] for n in normals),
-            tuple(layout.friction[j].among(place, normals, float(self.offsets[j])) for j in sets),
-            *(sliding[rows], scale),
+            tuple(layout.friction[j].among(place, normals, offsets[j]) for j in sets),
+            *(np.array(part, dtype=np.int64) for part in (rows, sets)),
         )
-        return problem, rows, np.array(sets, dtype=np.int64)
 
     def activate(self, modes: RowModes) -> None:
         """Take over modes for `rates` and `row_forces`."""
@@ -297,7 +310,9 @@ class ContactEquations(CompiledEquations):
             found[k], offset[k] = np.concatenate([self.rows.gap, self.rows.u, force]), self.offsets
         if not self.reacting:
             self.turns[:] = turns
-            self._serve(OBSERVE, 0.0, np.column_stack([times, states.reshape(count, -1)]).ravel(), found.reshape(-1))
+            z = np.empty((count, 1 + states[0].size))
+            z[:, 0], z[:, 1:] = times, states.reshape(count, -1)
+            self._serve(OBSERVE, 0.0, z.reshape(-1), found.reshape(-1))
         return ObservedRows(found[:, :gaps], found[:, gaps : gaps + m], found[:, gaps + m :], offset)
 
     def sample(self, times: Array, states: Array, turns: Array) -> SampledRows:

@@ -59,10 +59,10 @@ class EventFunctions:
         flying = {w.index for w, armed in zip(self.watches, self.armed, strict=True) if w.kind == "gap" and armed}
         self.watches = watches
         values, rates = (part[0] for part in self.at(np.array([stepper.t]), stepper.y[None], stepper))
-        self.armed = np.array([v > ARMED * w.scale for v, w in zip(values, watches, strict=True)], dtype=bool)
-        noise = ROUNDING * ARMED * np.array([w.scale for w in watches])
-        self.armed |= (np.nan_to_num(rates) > _RISING * speed) & (values >= -noise)
-        self.armed |= np.array([w.kind == "gap" and w.index in flying for w in watches], dtype=bool) & (values > noise)
+        ready = ARMED * np.array([w.scale for w in watches])
+        flies = np.array([w.kind == "gap" and w.index in flying for w in watches], dtype=bool)
+        rises = (rates > _RISING * speed) & (values >= -ROUNDING * ready)
+        self.armed = (values > ready) | rises | (flies & (values > ROUNDING * ready))
 
     def at(self, times: Array, states: Array, stepper: Stepper) -> tuple[Array, Array]:
         """Return the event functions, and their rates where known (else NaN), at packed states near the last one.

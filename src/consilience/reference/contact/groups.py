@@ -35,6 +35,9 @@ class RowGroup:
 
 def groups(problem: ContactProblem) -> tuple[RowGroup, ...]:
     """Return the groups of a contact problem, in the order of their first rows."""
+    whole = RowGroup(problem, *(list(range(len(part))) for part in (problem.free, problem.normals, problem.friction)))
+    if len(problem.normals) + sum(f.load is None for f in problem.friction) < 2:
+        return (whole,)
     m, weight = len(problem.free), problem.row_scale()
     linked = np.abs(problem.delassus) > _APART * np.outer(weight, weight)
     linked |= np.eye(m, dtype=bool)
@@ -48,9 +51,7 @@ def groups(problem: ContactProblem) -> tuple[RowGroup, ...]:
             break
         label = spread
     if not np.any(label):
-        return (
-            RowGroup(problem, list(range(m)), list(range(len(problem.normals))), list(range(len(problem.friction)))),
-        )
+        return (whole,)
     return tuple(_group(problem, np.flatnonzero(label == one)) for one in dict.fromkeys(label.tolist()))
 
 

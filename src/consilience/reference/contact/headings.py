@@ -9,13 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 import scipy
 
 from consilience.mechanism import Array
-from consilience.reference.contact.mode_system import RANK, ModeSolution, active, columns_and_rows, solve_with_modes
+from consilience.reference.contact.algebra import solve_small
+from consilience.reference.contact.mode_system import ModeSolution, active, columns_and_rows, solve_with_modes
 from consilience.reference.contact.problem import ContactProblem, Modes
+from consilience.reference.kernel.compiled import allocating
 
 _AT_REST = 1e-13
 """Accelerations across the heading below this, relative to the largest, are zero."""
@@ -26,12 +29,27 @@ _SCAN = 24
 _MOST_GUESSES = 3
 
 
+class HeadingSystem(NamedTuple):
+    """System of modes in which k circles start to slide: a heading changes one column and the constant force."""
+
+    columns: Array  # (m, r) S
+    constant: Array  # (m,)
+    size: Array  # (r,) scales of the rows E
+    response: Array  # (r, m) E G over the scales
+    wanted: Array  # (r,)
+    rows: Array  # (k, 2)
+    column: Array  # (k,) index of the load of each among the columns; -1: none
+    kinetic: Array  # (k,)
+    offset: Array  # (k,)
+    free: Array  # (2 k,)
+    moved: Array  # (2 k, m) response of the circles
+
+
 class Headings:
     """Circles that start to slide in given modes."""
 
     def __init__(self, problem: ContactProblem, modes: Modes) -> None:
         self.problem, self.modes = problem, modes
-        self.unit = float(np.max(np.abs(problem.free) / problem.row_scale(), initial=0.0)) or 1.0
         self.starting = [
             j
             for j, (one, mode) in enumerate(zip(problem.friction, modes.friction, strict=True))
@@ -41,25 +59,33 @@ class Headings:
             and not np.any(problem.slip(j))
             and active(problem, modes, j)
         ]
-        drags = [modes.friction[j].drag for j in self.starting]
-        self.given = np.array([np.arctan2(-drag[1], -drag[0]) for drag in drags])
         if self.starting:
             self._prepare()
 
     def _prepare(self) -> None:
-        """Set up the system of these modes, in which a heading changes one column and the constant force."""
+        """Set up the system of these modes."""
         problem = self.problem
-        self._constant, self._columns, E = columns_and_rows(problem, self.modes)
-        self._size = np.abs(E) @ problem.row_scale()
-        self._response = (E @ problem.delassus) / self._size[:, None]
-        self._wanted = -(E @ problem.free) / self._size
+        self.unit = float(np.max(np.abs(problem.free) / problem.row_scale(), initial=0.0)) or 1.0
+        drags = [self.modes.friction[j].drag for j in self.starting]
+        self.given = np.array([np.arctan2(-drag[1], -drag[0]) for drag in drags])
+        constant, columns, E = columns_and_rows(problem, self.modes)
+        size = np.abs(E) @ problem.row_scale()
         closed = [n for n, shut in zip(problem.normals, self.modes.closed, strict=True) if shut]
-        self._rows = np.array([problem.friction[j].rows for j in self.starting])
-        self._kinetic = np.array([problem.friction[j].kinetic for j in self.starting])
-        self._offset = np.array([problem.friction[j].offset for j in self.starting])
-        loads = [problem.friction[j].load for j in self.starting]
-        self._column = [closed.index(load) if load in closed else -1 for load in loads]
-        self._moved = problem.delassus[self._rows.ravel()]
+        starting = [problem.friction[j] for j in self.starting]
+        rows = np.array([one.rows for one in starting])
+        self._system = HeadingSystem(
+            np.ascontiguousarray(columns),
+            constant,
+            size,
+            response=(E @ problem.delassus) / size[:, None],
+            wanted=-(E @ problem.free) / size,
+            rows=rows,
+            column=np.array([closed.index(one.load) if one.load in closed else -1 for one in starting]),
+            kinetic=np.array([one.kinetic for one in starting]),
+            offset=np.array([one.offset for one in starting]),
+            free=problem.free[rows.ravel()],
+            moved=problem.delassus[rows.ravel()],
+        )
 
     def solved(self) -> ModeSolution:
         """Solve with the headings found from the given ones."""
@@ -99,15 +125,22 @@ class Headings:
 
     def _across(self, angles: Array) -> Array:
         """Return the accelerations across the headings, relative to the largest."""
-        along = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-        drags = -self._kinetic[:, None] * along
-        S, constant = self._columns.copy(), self._constant.copy()
-        for rows, column, drag, offset in zip(self._rows, self._column, drags, self._offset, strict=True):
-            constant[rows] = offset * drag
-            if column >= 0:
-                S[rows, column] = drag
-        S /= self._size
-        x = np.linalg.lstsq(self._response @ S, self._wanted - self._response @ constant, rcond=RANK)[0]
-        w = self.problem.free[self._rows] + (self._moved @ (constant + S @ x)).reshape(-1, 2)
-        across: Array = (w[:, 1] * along[:, 0] - w[:, 0] * along[:, 1]) / self.unit
-        return across
+        return np.asarray(_accelerations_across(self._system, angles)) / self.unit
+
+
+@allocating
+def _accelerations_across(system: HeadingSystem, angles: Array) -> Array:
+    """Return the accelerations across headings."""
+    S, constant, along = system.columns.copy(), system.constant.copy(), np.empty((len(angles), 2))
+    for k in range(len(angles)):
+        along[k, 0], along[k, 1] = np.cos(angles[k]), np.sin(angles[k])
+        for axis in range(2):
+            row, drag = system.rows[k, axis], -system.kinetic[k] * along[k, axis]
+            constant[row] = system.offset[k] * drag
+            if system.column[k] >= 0:
+                S[row, system.column[k]] = drag
+    S /= system.size
+    x = np.zeros(S.shape[1])
+    solve_small(system.response @ S, system.wanted - system.response @ constant, x)
+    w = system.free + system.moved @ (constant + S @ x)
+    return w[1::2] * along[:, 0] - w[::2] * along[:, 1]

@@ -46,13 +46,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from consilience.errors import NumericalFailure
-from consilience.mechanism import Array, Contact, Mechanism, State, characteristic_length, kinetic_energy
+from consilience.mechanism import Array, Contact, Mechanism, State, characteristic_length
 from consilience.reference.bodies.arrays import unpack
 from consilience.reference.bodies.canonical import joint_wrenches
 from consilience.reference.contact.equations import ContactEquations
 from consilience.reference.contact.impulse import solve_impulse
 from consilience.reference.contact.layout import RowLayout, layout_of
-from consilience.reference.contact.pairs import RowMotion
 from consilience.reference.contact.response import Response
 from consilience.reference.contact.row_modes import open_modes
 from consilience.reference.contact.stepper import Stepper
@@ -145,10 +144,82 @@ def solve_impact(
         stepper.turns[:] = turns
     response = stepper.respond(time, stepper.y)
     at_rest = AT_REST * velocity_scale(mechanism, state)
-    taking = equations.rows.u[list(layout.normals)] <= at_rest
-    return apply_impact(
-        equations, response, stepper, taking, layout.rebounds(-equations.rows.u[list(layout.normals)]), at_rest
-    )[0]
+    rate = equations.rows.u[layout.normal_rows]
+    return apply_impact(equations, response, stepper, rate <= at_rest, layout.rebounds(-rate), at_rest).record(layout)
+
+
+@dataclass(frozen=True, eq=False)
+class AppliedImpact:
+    """Impact at a packed state: what a motion goes on with, and what its record is made of.
+
+    Attributes
+    ----------
+    time : float, s
+    normals : ndarray of int, shape (n_c,)
+        Of the layout, those that take part.
+    modes : tuple of str, length n_c
+    force : ndarray, shape (m,), N s
+        Impulses of all rows.
+    lam : ndarray, shape (q,), N s
+        Impulses of the joints' rows.
+    before, after : ndarray, shape (n_b + n_e, 13)
+        Packed states.
+    u, u_after : ndarray, shape (m,)
+        Rates of all rows before and after.
+    frame : ndarray, shape (n, 3, 3)
+        Of the parts.
+    energy, energy_after : float, J
+        Kinetic energies before and after.
+    """
+
+    time: float
+    normals: Array
+    modes: tuple[str, ...]
+    force: Array
+    lam: Array
+    before: Array
+    after: Array
+    u: Array
+    u_after: Array
+    frame: Array
+    energy: float
+    energy_after: float
+
+    def losses(self, layout: RowLayout) -> tuple[float, float]:
+        """Return the losses by restitution and by friction, J."""
+        lost = -0.5 * self.force * (self.u + self.u_after)
+        along = float(np.sum(lost[layout.normal_rows]))
+        lost[layout.normal_rows] = 0.0
+        return along, float(np.sum(lost))
+
+    def record(self, layout: RowLayout) -> Impact:
+        """Return the record of the impact: a stop has no direction, its impulse is one of the joint coordinate."""
+        parts = [layout.part_of(int(k)) for k in self.normals]
+        frames = np.array([np.zeros((3, 3)) if k is None else self.frame[k] for k in parts]).reshape(-1, 3, 3)
+        own = list(zip(self.normals, parts, strict=True))
+        at = np.array([[layout.normals[n] + (0 if k is None else i) for i in range(3)] for n, k in own])
+        at = at.astype(np.int64).reshape(-1, 3)
+        before, after = (State(*unpack(layout.smooth, packed)) for packed in (self.before, self.after))
+        wrenches = joint_wrenches(layout.smooth, before, self.lam)
+        restitution_loss, friction_loss = self.losses(layout)
+        return Impact(
+            time=self.time,
+            contacts=_names(layout, self.normals),
+            modes=self.modes,
+            directions=frames[:, 0],
+            normal=self.force[at[:, 0]],
+            tangential=np.einsum("ki,kij->kj", self.force[at[:, 1:]], frames[:, 1:]),
+            velocity_before=np.einsum("ki,kij->kj", self.u[at], frames),
+            velocity_after=np.einsum("ki,kij->kj", self.u_after[at], frames),
+            force_F=wrenches[:, :3],
+            torque_F=wrenches[:, 3:],
+            before=before,
+            after=after,
+            energy_before=self.energy,
+            energy_after=self.energy_after,
+            restitution_loss=restitution_loss,
+            friction_loss=friction_loss,
+        )
 
 
 def apply_impact(
@@ -159,7 +230,7 @@ def apply_impact(
     restitution: Array,
     at_rest: float,
     law: str = "newton",
-) -> tuple[Impact, Array, Array]:
+) -> AppliedImpact:
     """Solve the impact of normals that touch, at the state of a stepper.
 
     Parameters
@@ -176,23 +247,14 @@ def apply_impact(
         Rates below this count as zero.
     law : str
         Of impacts in which no contact asks for Moreau's or Poisson's: newton or moreau (`impulse`).
-
-    Returns
-    -------
-    Impact
-        A stop has no direction: its impulse is one of the joint coordinate.
-    velocity : ndarray, shape (6 n_b,)
-        (v, w') of all bodies afterwards.
-    force : ndarray, shape (m,), N s
-        Impulses of all rows.
     """
-    layout, rows = equations.layout, equations.rows
+    layout, u = equations.layout, equations.rows.u
     normals = np.flatnonzero(taking)
-    problem, at, _ = equations.problem(response, taking, rows.u)
+    problem, at, _ = equations.problem(response, taking, u)
     parts = [layout.part_of(int(k)) for k in normals]
     asked = {layout.parts[k].impact_law for k in parts if k is not None}
     law = next((one for one in ("poisson", "moreau") if one in asked), law)
-    found = solve_impulse(replace(problem, free=rows.u[at]), restitution[normals], law, at_rest, stepper.t)
+    found = solve_impulse(replace(problem, free=u[at]), restitution[normals], law, at_rest, stepper.t)
     if found.unique is False:
         raise NumericalFailure(
             f"impact at t = {stepper.t:.12g} s: the laws of contact and friction allow several accelerations, here "
@@ -200,67 +262,20 @@ def apply_impact(
         )
     force = np.zeros(len(layout.names))
     force[at] = found.impulse
-    y, count = stepper.y, len(equations.model.mass)
-    velocity = y[:count, 7:13].ravel() + equations.inverse.T @ (response.K.T @ force)
-    changed = y.copy()
-    changed[:count, 7:13] = velocity.reshape(-1, 6)
-    states = tuple(State(*unpack(layout.smooth, packed)) for packed in (y, changed))
-    wrenches = joint_wrenches(layout.smooth, states[0], equations.multipliers_of_impulse(response, force))
-    after = rows.u + response.K @ (response.K.T @ force)
-    record = _record(layout, rows, normals, (found.modes, after, force), states, wrenches, stepper.t)
-    if law == "newton" and not any(one.associated for one in problem.friction):
-        _check_energy(record)
-    return record, velocity, force
-
-
-def _record(
-    layout: RowLayout,
-    rows: RowMotion,
-    normals: Array,
-    solved: tuple[tuple[str, ...], Array, Array],
-    states: tuple[State, ...],
-    wrenches: Array,
-    time: float,
-) -> Impact:
-    """Return the record of an impact.
-
-    Parameters
-    ----------
-    layout, rows, normals
-        As in `apply_impact`; rates before.
-    solved : tuple
-        Modes (n_c,), and rates after and impulses of all rows, each (m,).
-    states : tuple of State
-        Before and after.
-    wrenches : ndarray, shape (n_j, 6)
-    time : float, s
-    """
-    modes, after, p = solved
-    parts, mean = [layout.part_of(int(k)) for k in normals], 0.5 * (rows.u + after)
-    frames = np.array([np.zeros((3, 3)) if k is None else rows.frame[k] for k in parts]).reshape(-1, 3, 3)
-    own = list(zip(normals, parts, strict=True))
-    at = np.array([[layout.normals[n] + (0 if k is None else i) for i in range(3)] for n, k in own])
-    at = at.astype(np.int64).reshape(-1, 3)
-    energies = [kinetic_energy(layout.smooth, state) for state in states]
-    friction = [row for row in range(len(p)) if row not in layout.normals]
-    return Impact(
-        time=time,
-        contacts=tuple(layout.names[layout.normals[k]].split("'")[1] for k in normals),
-        modes=modes,
-        directions=frames[:, 0],
-        normal=p[at[:, 0]],
-        tangential=np.einsum("ki,kij->kj", p[at[:, 1:]], frames[:, 1:]),
-        velocity_before=np.einsum("ki,kij->kj", rows.u[at], frames),
-        velocity_after=np.einsum("ki,kij->kj", after[at], frames),
-        force_F=wrenches[:, :3],
-        torque_F=wrenches[:, 3:],
-        before=states[0],
-        after=states[1],
-        energy_before=energies[0],
-        energy_after=energies[1],
-        restitution_loss=-float(p[at[:, 0]] @ mean[at[:, 0]]),
-        friction_loss=-float(p[friction] @ mean[friction]),
+    before, count, lam = stepper.y.copy(), len(equations.model.mass), equations.multipliers_of_impulse(response, force)
+    after, answer = before.copy(), response.K.T @ force
+    after[:count, 7:13] += (equations.inverse.T @ answer).reshape(-1, 6)
+    rates, energies = (u.copy(), u + response.K @ answer), (equations.energy(before), equations.energy(after))
+    impact = AppliedImpact(
+        *(stepper.t, normals, found.modes, force, lam, before, after, *rates, equations.rows.frame.copy(), *energies)
     )
+    if law == "newton" and not any(one.associated for one in problem.friction):
+        _check_energy(impact, layout)
+    return impact
+
+
+def _names(layout: RowLayout, normals: Array) -> tuple[str, ...]:
+    return tuple(layout.names[layout.normals[k]].split("'")[1] for k in normals)
 
 
 def velocity_scale(mechanism: Mechanism, state: State) -> float:
@@ -269,10 +284,10 @@ def velocity_scale(mechanism: Mechanism, state: State) -> float:
     return float(max(v, characteristic_length(mechanism) * w))
 
 
-def _check_energy(record: Impact) -> None:
-    allowed = _ENERGY * record.energy_before
-    if min(record.restitution_loss, record.friction_loss) < -allowed:
+def _check_energy(impact: AppliedImpact, layout: RowLayout) -> None:
+    restitution_loss, friction_loss = impact.losses(layout)
+    if min(restitution_loss, friction_loss) < -_ENERGY * impact.energy:
         raise NumericalFailure(
-            f"impact of {', '.join(record.contacts)} at t = {record.time:.12g} s: it would create energy, "
-            f"{-record.restitution_loss:.3g} J by restitution and {-record.friction_loss:.3g} J by friction"
+            f"impact of {', '.join(_names(layout, impact.normals))} at t = {impact.time:.12g} s: it would create "
+            f"energy, {-restitution_loss:.3g} J by restitution and {-friction_loss:.3g} J by friction"
         )

@@ -51,10 +51,11 @@ def residual(problem: ContactProblem, force: Array, acceleration: Array) -> Arra
         rows = list(one.rows)
         bound = one.offset + (0.0 if one.load is None else float(force[one.load]))
         T, slip = force[rows], problem.slip(j)
+        displaced = float(r[rows].sum()) / len(rows) * acceleration[rows]
         if np.any(slip):
-            missed[rows] = _sliding_residual(one, bound, T, slip, float(np.mean(r[rows])) * acceleration[rows])
+            missed[rows] = _sliding_residual(one, bound, T, slip, displaced)
             continue
-        moved = T - float(np.mean(r[rows])) * acceleration[rows]
+        moved = T - displaced
         kinetic = T - project(one, one.kinetic * bound, moved)
         held = T - project(one, one.static * bound, moved)
         at_rest = np.linalg.norm(moved - T) <= 1e-9 * unit

@@ -9,6 +9,7 @@ mechanism declares: contacts, then stops, then dry frictions.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -42,6 +43,8 @@ class RowLayout:
         Of the rows.
     normals : tuple of int, length n_n
         Rows that cannot be penetrated: those of the rigid parts, then of the sides of stops.
+    normal_rows : ndarray of int, shape (n_n,)
+        The same as an array.
     springs : tuple of int, length n_s
         Compliant parts.
     gaps : ndarray of int, shape (n_n,)
@@ -69,6 +72,11 @@ class RowLayout:
     rebound_threshold: Array
     friction: tuple[FrictionSet, ...]
     dry: tuple[Any, ...]
+
+    @cached_property
+    def normal_rows(self) -> Array:
+        """`normals` as an array."""
+        return np.array(self.normals, dtype=np.int64)
 
     def part_of(self, normal: int) -> int | None:
         """Return the part of a normal (index into `normals`); None for a side of a stop."""

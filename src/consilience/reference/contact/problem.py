@@ -95,7 +95,7 @@ class FrictionSet:
         """Whether the unit set is a disc, so that the direction of sliding friction follows the velocity."""
         return len(self.rows) == 2 and self.facets == 0
 
-    @property
+    @cached_property
     def vertices(self) -> Array | None:
         """Vertices of the unit set D in order, shape (k, d); None for a disc."""
         if len(self.rows) == 1:

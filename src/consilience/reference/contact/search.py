@@ -215,7 +215,7 @@ class ModeSearch:
             rows, mode = list(self.problem.friction[j].rows), solved.modes.friction[j]
             if len(mode.held) < len(self.natural.friction[j].held) and active(self.problem, solved.modes, j):
                 fixed = mode.drag - self.natural.friction[j].drag
-                weight = float(np.mean(self.problem.row_scale()[rows]))
+                weight = float(self.problem.row_scale()[rows].sum()) / len(rows)
                 yield float(fixed @ solved.acceleration[rows]) / weight, j
 
     def exchanged(self, modes: Modes) -> ModeSolution | None:

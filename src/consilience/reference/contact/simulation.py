@@ -28,7 +28,7 @@ from consilience.reference.contact.equations import ContactEquations
 from consilience.reference.contact.event_functions import EventFunctions
 from consilience.reference.contact.events import CLEAR, Watch, first_zero, nodes_of, start_of_slip
 from consilience.reference.contact.hops import rows_at_rest, what_lifts
-from consilience.reference.contact.impact import Impact, apply_impact
+from consilience.reference.contact.impact import AppliedImpact, Impact, apply_impact
 from consilience.reference.contact.lasting import (
     LastingContact,
     binding_bounds,
@@ -102,7 +102,8 @@ def simulate_with_impacts(
 ) -> tuple[TrajectoryAnswer, tuple[Impact, ...]]:
     """Integrate as `simulate_with_contacts`, with these contacts in place of the mechanism's; return the impacts."""
     run = _ContactSimulation(replace(mechanism, contacts=contacts), state, times, tolerance)
-    return run.integrate(), tuple(run.impacts)
+    answer = run.integrate()
+    return answer, tuple(impact.record(run.layout) for impact in run.impacts)
 
 
 class _ContactSimulation:
@@ -122,7 +123,7 @@ class _ContactSimulation:
         )
         self.samples, self.recorded = Samples(self.layout), 0
         self.unchecked = UncheckedSamples(self.equations)
-        self.impacts: list[Impact] = []
+        self.impacts: list[AppliedImpact] = []
         radii = [part.radius for part in self.layout.parts if hasattr(part, "radius")]
         self.length = max([characteristic_length(mechanism), *radii])
         response = self.stepper.respond(start, self.stepper.y)
@@ -294,15 +295,15 @@ class _ContactSimulation:
         the motion begins.
         """
         before = self.stepper.modes
-        hit = self._hit(closing)
-        if hit:  # forces of dampers have jumped
+        hit, response = self._hit(closing)
+        if hit and self.layout.springs:  # forces of dampers have jumped
             self.equations.press(TOUCHING * self.length)
-        response = self.stepper.respond(self.stepper.t, self.stepper.y)
+            response = self.stepper.respond(self.stepper.t, self.stepper.y)
         rows = self.equations.rows
         still = STILL * self._speeds()
-        gap, rate = rows.gap[self.layout.gaps], rows.u[list(self.layout.normals)]
-        near = np.isin(np.arange(len(gap)), list(closing)) | (gap <= TOUCHING * self.length)
-        touching = near & (np.abs(rate) <= still)
+        near = rows.gap[self.layout.gaps] <= TOUCHING * self.length
+        near[list(closing)] = True
+        touching = near & (np.abs(rows.u[self.layout.normal_rows]) <= still)
         if not hit:
             touching |= before.closed
         sliding = sliding_rates(self.equations, None if hit or first else before, still)
@@ -353,8 +354,8 @@ class _ContactSimulation:
 
     # ----------------------------------------------------------------------------------------------------- impacts
 
-    def _hit(self, closing: frozenset[int]) -> set[int]:
-        """Apply impacts at this instant until nothing approaches; return the normals that had one.
+    def _hit(self, closing: frozenset[int]) -> tuple[set[int], Response]:
+        """Apply impacts at this instant until nothing approaches; return the normals that had one, and the response.
 
         A gap whose zero has just been found is closed, whatever rounding has left of it.
         """
@@ -362,13 +363,14 @@ class _ContactSimulation:
         for _ in range(_CHAIN):
             response = stepper.respond(stepper.t, stepper.y)
             rows, still = self.equations.rows, STILL * self._speeds()
-            gap, rate = rows.gap[self.layout.gaps], rows.u[list(self.layout.normals)]
-            closed = np.isin(np.arange(len(gap)), list(closing))
+            gap, rate = rows.gap[self.layout.gaps], rows.u[self.layout.normal_rows]
+            closed = np.zeros(len(gap), dtype=bool)
+            closed[list(closing)] = True
             touching = closed | (gap <= TOUCHING * self.length)
             lifts = what_lifts(self.equations, rate, STOPPED * self.speed)
             strikes = touching & ((rate < -still) | lifts) & (closed | (gap <= GRAZING * self.length))
             if not np.any(strikes):
-                return hit
+                return hit, response
             hit |= set(np.flatnonzero(strikes).tolist())
             resting = rows_at_rest(self.equations, strikes, touching, _CRAWL * self.speed)
             if resting:
@@ -379,14 +381,12 @@ class _ContactSimulation:
             for n in np.flatnonzero(taking & (rate < 0.0)):
                 restitution[n] = self._restitution(int(n), -float(rate[n]), float(restitution[n]))
             with telling_time(self.stepper.t):
-                record, velocity, forces = apply_impact(
-                    self.equations, response, stepper, taking, restitution, still, self.law
-                )
-            self.impacts.append(record)
+                impact = apply_impact(self.equations, response, stepper, taking, restitution, still, self.law)
+            self.impacts.append(impact)
             for n in np.flatnonzero(strikes):
                 self.bounces.add(int(n), -float(rate[n]))
-            loss = record.energy_before - record.energy_after
-            stepper.place(velocity, stepper.contact_forces(forces), loss)
+            loss = impact.energy - impact.energy_after
+            stepper.place(impact.after, stepper.contact_forces(impact.force), loss)
         raise NumericalFailure(f"{_CHAIN} impacts at the instant t = {stepper.t:.12g} s: velocities do not settle")
 
     def _restitution(self, n: int, speed: float, e: float) -> float:

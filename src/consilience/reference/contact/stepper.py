@@ -188,10 +188,10 @@ class Stepper:
         """Return the forces on all rows at the time t, shape (m,)."""
         return self.equations.row_forces(self.t, self.y, self._turns)
 
-    def place(self, velocity: Array, impulse: Array, loss: float) -> None:
-        """Continue with other velocities (v, w'), shape (6 n_b,), and what an impact adds to impulses and loss."""
+    def place(self, y: Array, impulse: Array, loss: float) -> None:
+        """Continue from another packed state, and with what an impact adds to impulses and loss."""
         self._Y = self._Y.copy()
-        self.y[: self._bodies, 7:13] = velocity.reshape(-1, 6)
+        self.y[:] = y
         self._Y[self._count : -1] += impulse.ravel() / self.equations.mass
         self._Y[-1] += loss / self.equations.mass
         self._restart()

@@ -17,7 +17,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator
 from ctypes import c_int64
-from functools import lru_cache
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -43,6 +42,9 @@ _RECORD_TYPES: dict[str, RecordType] = {}
 
 _ARRAY_TYPES: dict[tuple[Any, ...], types.Type] = {}
 """Types of arrays by class, dtype, rank and layout."""
+
+_KINDS: dict[tuple[Any, ...], RecordType] = {}
+"""Types of records by class and identities of the types of the fields: each exists once, and Numba's hash is slow."""
 
 _FORM = 0x1 | 0x2 | 0x100 | 0x400
 """Flags of an array that its type depends on, as in NumPy's C interface: order (C, Fortran), aligned, writeable."""
@@ -77,9 +79,11 @@ def _word_count(kind: types.Type) -> int:
     return kind.words if isinstance(kind, RecordType) else int(kind in _NUMBERS)
 
 
-@lru_cache(maxsize=256)
 def _record_type(kind: type, fields: tuple[types.Type, ...]) -> RecordType:
-    return RecordType(kind, fields)
+    key = kind, *map(id, fields)
+    if key not in _KINDS:
+        _KINDS[key] = RecordType(kind, fields)
+    return _KINDS[key]
 
 
 def _array_type(array: np.ndarray[Any, Any]) -> types.Type:
@@ -185,14 +189,16 @@ class MechanismRecord:
 def record_of(value: T) -> T:
     """Return the record of a named tuple of arrays and numbers.
 
-    None is returned as it is, and where Numba is disabled, any tuple.
+    None and a record are returned as they are, and where Numba is disabled, any tuple.
 
     Raises
     ------
     TypeError, ValueError
         A field is neither an array, an int, float or bool, None, nor a named tuple of these.
     """
-    return value if value is None or config.DISABLE_JIT else cast(T, MechanismRecord(cast(tuple[Any, ...], value)))
+    if value is None or config.DISABLE_JIT or isinstance(value, MechanismRecord):
+        return value
+    return cast(T, MechanismRecord(cast(tuple[Any, ...], value)))
 
 
 @typeof_impl.register(MechanismRecord)
