@@ -16,7 +16,17 @@ from consilience.compare.motion import size_of_motion
 from consilience.compare.power import MotionSensitivity
 from consilience.compare.reference_motion import OtherLaw
 from consilience.compare.softness import SCALES
-from consilience.engine import EVENT_KINDS, Method, Profile, Question, Route, Run, Status, TrajectoryAnswer
+from consilience.engine import (
+    CONTACT_MODES,
+    EVENT_KINDS,
+    Method,
+    Profile,
+    Question,
+    Route,
+    Run,
+    Status,
+    TrajectoryAnswer,
+)
 from consilience.mechanism import quaternion_from_rotation_vector
 from mechanisms import chain
 
@@ -88,19 +98,23 @@ class Situation:
             if effect is not None
         )
         spread = np.full(len(TIMES), self.spread)
-        true = (
-            replace(
-                TRUE,
-                event_time=np.repeat(HIT, self.contacts),
-                event_kind=np.full(self.contacts, EVENT_KINDS.index(self.event)),
-                event_contact=np.arange(self.contacts),
-            )
-            if self.event
-            else TRUE
-        )
+        true = self._with_events()
         law = OtherLaw(self.other, "another law", motion(SIZE * OTHER * SHAPE)) if self.other else None
         yard = ReferenceMotion(true, spread, self.digits, self.growth, self.dispute, acting, self.singular, law)
         return compare_trajectory(MECHANISM, runs, yard, softer, self.earlier)
+
+    def _with_events(self) -> TrajectoryAnswer:
+        """The true motion, with an event of some contacts; what reverses slides from the start."""
+        if not self.event:
+            return TRUE
+        kind = EVENT_KINDS.index("slips" if self.event == "reverses" else self.event)
+        events = {
+            "event_time": np.repeat(HIT, self.contacts),
+            "event_kind": np.full(self.contacts, kind),
+            "event_contact": np.arange(self.contacts),
+        }
+        modes = np.full((len(TIMES), self.contacts), CONTACT_MODES.index("sliding"))
+        return replace(TRUE, **events, **({"contact_mode": modes} if self.event == "reverses" else {}))
 
     def _run(self, method: Method, level: int, h: float, s: float) -> Run:
         error = self.error(h, s)
@@ -214,6 +228,24 @@ SITUATIONS = (
         "modes within steps",
         order=4,
         event="opens",
+    ),
+    Situation(
+        "a slip that reverses a step late, extrapolated",
+        lambda h, s: 0.05 * h,
+        D,
+        "modes within steps",
+        order=4,
+        event="reverses",
+    ),
+    Situation(
+        "soft friction that reverses, far within the bound",
+        lambda h, s: 5e-3 * s + 0.05 * h,
+        R,
+        "softness",
+        order=1,
+        soft=True,
+        profile=DEFAULT,
+        event="reverses",
     ),
     Situation("a contact that opens, too far", lambda h, s: 0.1 + 0.3 * h**4, M, "elsewhere", order=4, event="opens"),
     Situation("impacts that scatter", noise(0.05), U, "impacts unclear", order=1, event="impact"),

@@ -8,6 +8,7 @@ import pytest
 from consilience.case import Case
 from consilience.compare import ReferenceMotion, Verdict
 from consilience.compare.judge import REFERENCE, judge_case, stable_levels
+from consilience.compare.power import MotionSensitivity
 from consilience.compare.rules import RULES
 from consilience.compare.softness import SCALES
 from consilience.compare.uncertainty import LEVEL_BUDGET, MOST_LEVELS
@@ -120,6 +121,14 @@ def test_where_neither_softness_nor_model_is_clear_finer_levels_are_asked_with_s
     levels, scales = asked(lambda h, s: 1e-3 + 1e-4 * (s + np.sin(1e6 * h)), soft=True)
     assert len(levels) > len(THREE)
     assert scales == [(n, s) for n in (40, levels[-1]) for s in SCALES[Profile.MATCHED]]
+
+
+def test_levels_that_cost_little_are_asked_until_the_bound_of_impacts_has_power():
+    # twice the rate 1/s times the step: 1.6e-4 at 640 substeps, 7.8e-5 at 1280; 10 % in gravity make 1.2e-4
+    hit = {"event_time": np.array([0.5]), "event_contact": np.array([0]), "event_kind": np.array([0])}
+    acting = (MotionSensitivity("gravity", "gravity", np.full(len(TIMES), 1.2e-3)),)
+    yard = replace(YARD, answer=replace(TRUE, **hit), sensitivities=acting)
+    assert asked(lambda h, s: 1e-2 * h, yard=yard) == ([10 * 2**n for n in range(8)], [])
 
 
 def test_a_finer_level_has_to_be_afforded():

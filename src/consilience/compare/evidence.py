@@ -85,8 +85,8 @@ class Evidence:
         may be blind to the phase.
     jumps : float
         Largest displacement by jumps of the acceleration, where contacts or frictions change their mode, a step early
-        or late, growing with the time since contacts opened; of an order that does not follow from levels of smooth
-        motions.
+        or late, growing with the time since contacts opened or slips reversed; of an order that does not follow from
+        levels of smooth motions.
     untried : bool
         Whether the engine has a softness that was not varied.
     law, law_cause : str
@@ -159,8 +159,12 @@ class Evidence:
         """Whether the limit of clean levels is beyond the band; of others, beyond the band of a doubtful ladder."""
         if not self.asymptotic or self.limit is None or self.band is None or self.saturation > LINEAR:
             return False
-        clean = self.order is not None and self.declared is not None and abs(self.order - self.declared) <= CLEAN
-        return self.limit > (1.0 if clean else CAUTIOUS / SAFE) * self.band + self.jumps + self.allowed
+        return self.limit > (1.0 if self.clean else CAUTIOUS / SAFE) * self.band + self.jumps + self.allowed
+
+    @property
+    def clean(self) -> bool:
+        """Whether the levels converge cleanly, with the declared order."""
+        return self.order is not None and self.declared is not None and abs(self.order - self.declared) <= CLEAN
 
     @property
     def impact_bound(self) -> float:
@@ -174,8 +178,13 @@ class Evidence:
 
     @property
     def within_jumps(self) -> bool:
-        """Whether changes of mode at any phase of a step explain the difference, by levels far from saturation."""
-        return 0.0 < self.finest - self.allowed <= self.jumps and self.saturation <= LINEAR and not self.impacts
+        """Whether changes of mode at any phase of a step explain the difference, by levels far from saturation.
+
+        Levels that converge cleanly to another motion show no phases.
+        """
+        elsewhere = self.clean and self.limit is not None and self.limit > (self.band or 0.0) + self.allowed
+        within = 0.0 < self.finest - self.allowed <= self.jumps and self.saturation <= LINEAR
+        return within and not self.impacts and not elsewhere
 
     @property
     def beyond_phase(self) -> bool:

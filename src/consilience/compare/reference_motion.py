@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -12,7 +12,7 @@ from consilience.compare.power import MotionSensitivity
 from consilience.engine import EVENT_KINDS, TrajectoryAnswer
 from consilience.mechanism import Array, Mechanism, State, first_singular
 
-IMPACT, OPENS, SLIPS = (EVENT_KINDS.index(kind) for kind in ("impact", "opens", "slips"))
+IMPACT, CLOSES, OPENS, SLIPS = (EVENT_KINDS.index(kind) for kind in ("impact", "closes", "opens", "slips"))
 
 SLIDING = 1
 """Contact mode of a contact that slides (`TrajectoryAnswer.contact_mode`)."""
@@ -117,12 +117,30 @@ class ReferenceMotion:
         begins = kinds is not None and bool(np.any(np.isin(np.asarray(kinds), (IMPACT, SLIPS))))
         return sliding or begins
 
-    def since_openings(self, end: float) -> float:
-        """Return the sum of the times since contacts opened, s: nothing brings back a speed that is off there."""
-        if self.answer.event_kind is None:
-            return 0.0
-        opened = np.asarray(self.answer.event_time)[np.asarray(self.answer.event_kind) == OPENS]
-        return float(np.sum(np.maximum(end - opened, 0.0)))
+    def since_departures(self, end: float) -> float:
+        """Return the sum of the times since contacts opened or slips reversed, s.
+
+        Nothing brings back a speed that is off there: a body that flies is not held, and one that slides goes on.
+        """
+        left = np.array([*self._openings(), *self._reversals()])
+        return float(np.sum(np.maximum(end - left, 0.0)))
+
+    def _openings(self) -> Array:
+        kinds, times = self.answer.event_kind, self.answer.event_time
+        return np.zeros(0) if kinds is None else np.asarray(times)[np.asarray(kinds) == OPENS]
+
+    def _reversals(self) -> Iterator[float]:
+        """Yield the times at which what slides begins to slip anew: friction, and with it the acceleration, jumps."""
+        answer = self.answer
+        if answer.event_kind is None or answer.event_time is None or answer.event_contact is None:
+            return
+        first = [] if answer.contact_mode is None else np.asarray(answer.contact_mode)[0]
+        slides = {contact for contact, mode in enumerate(first) if mode == SLIDING}
+        for time, contact, kind in zip(answer.event_time, answer.event_contact, answer.event_kind, strict=True):
+            if kind == SLIPS and contact in slides:
+                yield float(time)
+            if kind != CLOSES:
+                (slides.add if kind == SLIPS else slides.discard)(int(contact))
 
     def up_to(self, count: int) -> ReferenceMotion:
         """Return the first samples alone, for motions that end there."""

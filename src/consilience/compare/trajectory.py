@@ -218,7 +218,7 @@ class _Levels:
     def _jumps(self, end: float) -> float:
         """Return the largest displacement by jumps of the acceleration up to a time that come a step early or late.
 
-        A contact that opens leaves the speed that its last step had, and the displacement grows.
+        A contact that opens, or a slip that reverses, leaves the speed that its last step had: the displacement grows.
         """
         step, method = self.steps[-1], self.runs[-1].method
         changes = np.sum(self.reference_motion.mode_changes <= end)
@@ -229,7 +229,7 @@ class _Levels:
         rate = max(
             float(np.max(np.abs(speeds), initial=0.0)) / self.scales.size, float(np.max(np.abs(spins), initial=0.0))
         )
-        return 2.0 * rate * step * (step * float(changes) + self.reference_motion.since_openings(end))
+        return 2.0 * rate * step * (step * float(changes) + self.reference_motion.since_departures(end))
 
     def _other_law(self) -> dict[str, Any]:
         """Return the law of contact that the method solves, and the difference of the finest level to its motion."""

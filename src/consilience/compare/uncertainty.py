@@ -48,7 +48,7 @@ LEAST_ORDER = 0.5
 ROUNDING = 1e-11
 """Differences below this are rounding errors, which show no order."""
 
-MOST_LEVELS = 6
+MOST_LEVELS = 8
 LEVEL_BUDGET = 5.0
 """Largest number of levels of a method, and largest CPU time in s that a further level may take."""
 

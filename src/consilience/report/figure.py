@@ -23,7 +23,7 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8
 GREY = "#8C8C8C"
 SHADE = "rgba(140,140,140,0.22)"
 DASHES = ("2px,5px", "longdashdot", "dashdot", "dot", "dash", "solid")
-"""Dashes of the levels, coarse to fine; six levels at most."""
+"""Dashes of the six finest levels, coarse to fine; those before are drawn as the first of them."""
 
 MARKERS = ("circle", "square", "diamond", "triangle-up", "x", "star")
 
