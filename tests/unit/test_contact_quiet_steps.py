@@ -8,7 +8,7 @@ from consilience.mechanism import GROUND, SphereSphere
 from consilience.reference.contact import simulate_with_contacts
 from consilience.reference.contact.march import QuietSteps
 from consilience.reference.contact.mode_system import sliding_indicator
-from consilience.reference.contact.simulation import _ContactSimulation
+from consilience.reference.contact.simulation import ContactSimulation
 from consilience.reference.contact.stepper import Stepper
 from contact_problems import Lab
 
@@ -61,7 +61,7 @@ def test_slip_along_a_line_keeps_to_it_whatever_the_tolerance():
 def test_the_determinant_of_modes_bounds_how_far_sliding_is_from_jamming():
     """Against NumPy: ``det E G S`` with rows of length one, which is at most that over the one without friction."""
     case = case_of("tripod")
-    run = _ContactSimulation(case.mechanism, case.initial_state, case.times, 1e-10)
+    run = ContactSimulation(case.mechanism, case.initial_state, case.times, 1e-10)
     run.integrate()
     equations, stepper = run.equations, run.stepper
     found = equations.determinant(stepper.t, stepper.y, stepper.turns)

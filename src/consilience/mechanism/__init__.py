@@ -126,7 +126,15 @@ from consilience.mechanism.spatial import (
 )
 from consilience.mechanism.start import initial_state
 from consilience.mechanism.stops import DryFriction, Stop
-from consilience.mechanism.units import Units, characteristic_length, in_units, own_units
+from consilience.mechanism.units import (
+    Units,
+    characteristic_length,
+    in_units,
+    kept_in_units,
+    motion_units,
+    own_units,
+    telling_unit_of_time,
+)
 
 __all__ = [
     "AXIS_COORDINATES",
@@ -235,6 +243,7 @@ __all__ = [
     "joint_rates",
     "joint_spring_coordinates",
     "joint_spring_motion",
+    "kept_in_units",
     "kinetic_energies",
     "kinetic_energy",
     "linear",
@@ -242,6 +251,7 @@ __all__ = [
     "mass_matrix",
     "mass_matrix_condition",
     "mass_properties",
+    "motion_units",
     "move",
     "nearest_points",
     "non_holonomic_rows",
@@ -285,6 +295,7 @@ __all__ = [
     "spanning_tree",
     "spring_force",
     "states_in_motion",
+    "telling_unit_of_time",
     "through",
     "to_elementary_tree",
     "turning_rate",

@@ -11,13 +11,7 @@ import numpy as np
 from consilience.errors import CannotAssemble
 from consilience.mechanism.assembly import assemble_positions, assemble_velocities, largest_residual
 from consilience.mechanism.branches import singular_pose
-from consilience.mechanism.constraints import (
-    RANK_TOLERANCE,
-    free_directions,
-    null_space,
-    scaled_jacobian,
-    velocity_sizes,
-)
+from consilience.mechanism.constraints import RANK_TOLERANCE, null_space, scaled_jacobian, velocity_sizes
 from consilience.mechanism.contact_geometry import closing_rows
 from consilience.mechanism.model import Mechanism, State
 from consilience.mechanism.singular import move
@@ -93,13 +87,18 @@ def random_states(mechanism: Mechanism, start: State, count: int, seed: int, spe
 
 
 def _sliding(mechanism: Mechanism, start: State, velocity: Array) -> State:
-    """Return the pose of a state with the admissible velocity nearest to a given one, (6 n_b,), in closed contacts."""
+    """Return the pose of a state with the admissible velocity nearest to a given one, (6 n_b,), in closed contacts.
+
+    Nearest in characteristic lengths and rad per s.
+    """
     v, w = velocity.reshape(-1, 6)[:, :3], velocity.reshape(-1, 6)[:, 3:]
     state = assemble_velocities(mechanism, State(start.p_WB, start.quat_WB, v, w))
-    y = np.hstack([state.v_WB_W, state.w_WB_W]).ravel()
-    free, rows = free_directions(mechanism, start), closing_rows(mechanism, start)
+    sizes, free = velocity_sizes(mechanism), null_space(scaled_jacobian(mechanism, start))
+    y = np.hstack([state.v_WB_W, state.w_WB_W]).ravel() / sizes
+    rows = closing_rows(mechanism, start) * sizes
+    rows /= np.linalg.norm(rows, axis=1, keepdims=True)
     y -= free @ np.linalg.lstsq(rows @ free, rows @ y, rcond=RANK_TOLERANCE)[0]
-    twists = y.reshape(-1, 6)
+    twists = (sizes * y).reshape(-1, 6)
     return State(start.p_WB, start.quat_WB, twists[:, :3], twists[:, 3:])
 
 

@@ -6,17 +6,20 @@ the same for a watch and for a crane where lengths are counted in the mechanism'
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from consilience.errors import NumericalFailure
 from consilience.mechanism.bodies import Body, Frame
 from consilience.mechanism.contact_laws import Compliance
 from consilience.mechanism.functions import Function, Table
 from consilience.mechanism.model import GROUND, Mechanism
+from consilience.mechanism.spatial import Array
 from consilience.mechanism.stops import Stop
 
 _T = TypeVar("_T")
@@ -92,6 +95,31 @@ def own_units(mechanism: Mechanism, time: float = 1.0) -> Units:
     """
     sizes = characteristic_length(mechanism), sum(b.mass for b in mechanism.bodies), time
     return Units(*(float(2.0 ** -np.round(np.log2(size))) for size in sizes))
+
+
+_ORDINARY = (5e-2, 1e2)
+"""Durations in s of motions for which the second is a good unit."""
+
+
+def motion_units(mechanism: Mechanism, times: Array) -> Units:
+    """Return the own units of a mechanism with that of a motion with sample times, s.
+
+    The unit of time is the second, or for a very short or very long motion about a quarter of it.
+    """
+    duration = float(times[-1] - times[0])
+    ordinary = duration == 0.0 or _ORDINARY[0] <= duration <= _ORDINARY[1]
+    return own_units(mechanism, 1.0 if ordinary else duration / 4.0)
+
+
+@contextmanager
+def telling_unit_of_time(units: Units) -> Iterator[None]:
+    """Add the unit of time to the message of a failure in these units, unless it is the second."""
+    try:
+        yield
+    except NumericalFailure as error:
+        if units.time == 1.0:
+            raise
+        raise NumericalFailure(f"{error} (in units of {1.0 / units.time:g} s)") from None
 
 
 def rescaled(function: Function, value: float, argument: float) -> Function:
@@ -229,3 +257,9 @@ def in_units(
         ),
         **elements,
     )
+
+
+@lru_cache(maxsize=8)
+def kept_in_units(mechanism: Mechanism, units: Units) -> Mechanism:
+    """Return a mechanism in other units, and keep it: so is what has been prepared for it."""
+    return in_units(mechanism, *units)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache
 from importlib.metadata import version
 
 import numpy as np
@@ -20,8 +19,17 @@ from consilience.engine import (
     TrajectoryAnswer,
     Unsupported,
 )
-from consilience.errors import NumericalFailure
-from consilience.mechanism import Array, Mechanism, State, free_directions, in_units, mass_properties, own_units
+from consilience.mechanism import (
+    Array,
+    Mechanism,
+    State,
+    free_directions,
+    kept_in_units,
+    mass_properties,
+    motion_units,
+    own_units,
+    telling_unit_of_time,
+)
 from consilience.reference.formulations import registry
 from consilience.reference.solver import accelerations, refuse_steep_friction, simulate
 
@@ -45,15 +53,8 @@ _CONTACTS = "descriptor, contacts"
 _LADDER = (1e-9, 1e-10, 1e-11)
 """Tolerances of a formulation that is named."""
 
-_ORDINARY = (5e-2, 1e2)
-"""Durations in s of motions for which the second is a good unit."""
-
 _SUBSTEPS = (4, 8, 16)
 """Steps per sample interval of a formulation with constant steps."""
-
-
-_in_units = lru_cache(maxsize=8)(in_units)
-"""Mechanisms in their own units: the solver keeps what it has prepared for a mechanism."""
 
 
 class ReferenceEngine:
@@ -132,7 +133,7 @@ class ReferenceEngine:
 
             return contact_instant(mechanism, states)
         units = own_units(mechanism)
-        own = in_units(mechanism, *units)
+        own = kept_in_units(mechanism, units)
         return units.inverse.convert(accelerations(own, [units.convert(state) for state in states], method.name))
 
     def trajectory(
@@ -151,32 +152,23 @@ class ReferenceEngine:
         step : float
             Tolerance, or for a formulation with constant steps the step, s.
         """
-        if self._own is None and _touches(mechanism):  # lengths and speeds are relative there, and messages name them
+        if self._own is None and _touches(mechanism):
             from consilience.reference.contact import simulate_with_contacts  # noqa: PLC0415 - slow to import
 
             return simulate_with_contacts(mechanism, state, np.asarray(times), step)[0]
         refuse_steep_friction(mechanism)  # here, because the message names a speed
-        units = own_units(mechanism, _unit_of_time(times))
-        own, start, grid = _in_units(mechanism, *units), units.convert(state), np.asarray(times) * units.time
+        units = motion_units(mechanism, times)
+        own, start, grid = kept_in_units(mechanism, units), units.convert(state), np.asarray(times) * units.time
         formulation, integrator, _ = _OTHER.get(method.name, (method.name, None, ()))
         step = step * units.time if method.substeps else step
-        try:
+        with telling_unit_of_time(units):
             found = simulate(own, start, grid, step, formulation, integrator)
-        except NumericalFailure as error:
-            note = "" if units.time == 1.0 else f" (in units of {1.0 / units.time:g} s)"
-            raise NumericalFailure(f"{error}{note}") from None
         return replace(units.inverse.convert(found), time=np.asarray(times))
 
 
 def _touches(mechanism: Mechanism) -> bool:
     """Return whether a mechanism has contacts, stops or dry friction."""
     return bool(mechanism.contacts or mechanism.stops or mechanism.dry_frictions)
-
-
-def _unit_of_time(times: Array) -> float:
-    """Return the unit of time of a motion, s: the second, or for a very short or very long motion a quarter of it."""
-    duration = float(times[-1] - times[0])
-    return 1.0 if duration == 0.0 or _ORDINARY[0] <= duration <= _ORDINARY[1] else duration / 4.0
 
 
 def _motion(name: str, tolerances: tuple[float, ...]) -> Method:

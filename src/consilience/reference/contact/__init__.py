@@ -8,8 +8,8 @@ from consilience.mechanism import Contact
 from consilience.reference.contact.geometry import ContactMotion, contact_motion
 from consilience.reference.contact.impact import Impact, solve_impact
 from consilience.reference.contact.instant import contact_instant
+from consilience.reference.contact.motions import simulate_with_contacts, simulate_with_impacts
 from consilience.reference.contact.samples import ContactEvent
-from consilience.reference.contact.simulation import simulate_with_contacts, simulate_with_impacts
 
 __all__ = [
     "Contact",

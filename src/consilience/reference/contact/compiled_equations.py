@@ -46,8 +46,8 @@ class CompiledEquations:
         Constant part of the bound of each friction set at the last state.
     turns : ndarray, shape (n_q,)
         Joint coordinates from which full turns are counted.
-    mass : float, kg
-        Of all bodies: unit of impulses and losses in states that steppers integrate.
+    sums : ndarray, shape (2,)
+        Units of impulses, N s, and of losses, J, in states that steppers integrate.
     width : int
         Number of what is written of a sample.
     """
@@ -55,17 +55,21 @@ class CompiledEquations:
     def __init__(self, layout: RowLayout) -> None:
         self.layout, self.model = layout, layout.model
         m, self._ws = len(layout.names), workspace(self.model)
-        (q, n), self.mass = self._ws.Q.shape, float(np.sum(self.model.mass))
+        (q, n), self.sums = self._ws.Q.shape, np.full(2, np.sum(self.model.mass))
         self.rows: RowMotion = record_of(row_motion(len(layout.parts), len(layout.limits), m, n // 6))
         self.rank, self.turns = np.array([q]), np.zeros(len(self.model.coordinate))
         self.offsets = np.array([one.offset for one in layout.friction])
         self._modes = record_of(room_for_modes(layout, self.rank))
-        record = self.model, layout.pairs, layout.limits, self.rows, self._ws, self._modes, self.turns, self.mass
+        record = self.model, layout.pairs, layout.limits, self.rows, self._ws, self._modes, self.turns, self.sums
         self.system = ContactSystem(*record)
         self._serve = BoundOperation(serve, self.system)
         self.kernel = Kernel(*self._serve.addresses)
         self._ends = tuple(accumulate([len(self.rows.gap), m, m, m, m * n, n, q * n, q, q, q, 1]))
         self.width = self._ends[-1]
+
+    def count_sums_by(self, speed: float) -> None:
+        """Count impulses and losses in units of all bodies' momentum and energy, ``m v`` and ``m v^2``, at a speed."""
+        self.sums[:] = np.sum(self.model.mass) * speed ** np.array([1, 2])
 
     def _ask(self, request: int, t: float, y: Array, turns: Array, out: Array = _NOTHING) -> float:
         """Ask the compiled equations at a packed state."""

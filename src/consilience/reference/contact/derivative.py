@@ -75,7 +75,7 @@ class ContactSystem(NamedTuple):
     ws: Workspace
     modes: ActiveModes
     turns: Array  # (n_q,) joint coordinates that are read, near those of the state
-    mass: float  # of all bodies, kg
+    sums: Array  # (2,) units of impulses, N s, and of losses, J
 
 
 def room_for_modes(layout: RowLayout, rank: Array) -> ActiveModes:
@@ -227,7 +227,7 @@ def _accelerations(system: ContactSystem, t: float, y: Array, a: Array, p: Array
 
 @allocating
 def _rates(system: ContactSystem, t: float, y: Array, dY: Array) -> None:
-    """Write the derivative of a packed state, of the impulses of contacts and the energy lost over the mass."""
+    """Write the derivative of a packed state, of the impulses of contacts and the energy lost in their units."""
     model, rows = system.model, system.rows
     count = y.shape[0] * y.shape[1]
     dy = dY[:count].reshape(-1, 13)
@@ -239,10 +239,10 @@ def _rates(system: ContactSystem, t: float, y: Array, dY: Array) -> None:
     state_rates(y, a, dy)
     for k in range(system.pairs.shape[0]):
         for axis in range(3):
-            force = p[3 * k + axis] / system.mass
+            force = p[3 * k + axis] / system.sums[0]
             for i in range(3):
                 dY[count + 3 * system.modes.owner[k] + i] += force * rows.frame[k, axis, i]
-    dY[dY.shape[0] - 1] = -dot_rows(p, rows.u) / system.mass
+    dY[dY.shape[0] - 1] = -dot_rows(p, rows.u) / system.sums[1]
 
 
 @inner
@@ -355,7 +355,7 @@ def serve(system: ContactSystem, request: int, t: float, z: Array, out: Array) -
     ----------
     system : ContactSystem
     request, t, z, out : see `motion.ask`
-        The state z is packed, then impulses (n_c, 3) and the loss, both over the mass of all bodies.
+        The state z is packed, then impulses (n_c, 3) and the loss, both in their units.
     """
     state, result = array_of(z), array_of(out)
     model, rows, ws = system.model, system.rows, system.ws

@@ -289,5 +289,6 @@ def _check_energy(impact: AppliedImpact, layout: RowLayout) -> None:
     if min(restitution_loss, friction_loss) < -_ENERGY * impact.energy:
         raise NumericalFailure(
             f"impact of {', '.join(_names(layout, impact.normals))} at t = {impact.time:.12g} s: it would create "
-            f"energy, {-restitution_loss:.3g} J by restitution and {-friction_loss:.3g} J by friction"
+            f"energy, {-restitution_loss / impact.energy:.3g} of that before by restitution and "
+            f"{-friction_loss / impact.energy:.3g} by friction"
         )

@@ -13,7 +13,9 @@ from consilience.mechanism import (
     Mechanism,
     State,
     characteristic_length,
+    kept_in_units,
     kinetic_energy,
+    own_units,
     potential_energy,
     require_states,
 )
@@ -49,17 +51,21 @@ def contact_instant(mechanism: Mechanism, states: Sequence[State], t: float = 0.
         A closed contact approaches: an impact has no accelerations; or the laws of contact have no solution or several.
     """
     require_states(mechanism, states)
-    equations = ContactEquations(layout_of(mechanism))
-    answers = [_at(equations, mechanism, state, t) for state in states]
+    units = own_units(mechanism)
+    own, there = kept_in_units(mechanism, units), [units.convert(state) for state in states]
+    equations = ContactEquations(layout_of(own))
+    answers = [_at(equations, own, state, t) for state in there]
     a, alpha, reactions, forces = (np.array(part) for part in zip(*answers, strict=True))
-    return InstantAnswer(
-        a_WB_W=a,
-        alpha_WB_W=alpha,
-        force_F=reactions[:, :, :3],
-        torque_F=reactions[:, :, 3:],
-        kinetic=np.array([kinetic_energy(mechanism, s) for s in states]),
-        potential=np.array([potential_energy(mechanism, s) for s in states]),
-        contact_force=forces,
+    return units.inverse.convert(
+        InstantAnswer(
+            a_WB_W=a,
+            alpha_WB_W=alpha,
+            force_F=reactions[:, :, :3],
+            torque_F=reactions[:, :, 3:],
+            kinetic=np.array([kinetic_energy(own, state) for state in there]),
+            potential=np.array([potential_energy(own, state) for state in there]),
+            contact_force=forces,
+        )
     )
 
 

@@ -112,7 +112,7 @@ class QuietSteps:
         return self._march(0, t, Y, turns)
 
     def sampled(self) -> tuple[SampledRows, Array]:
-        """Return the samples of the last march, and their impulses and losses over the mass, shape (n, 3 n_c + 1)."""
+        """Return the samples of the last march, and their impulses and losses in their units, shape (n, 3 n_c + 1)."""
         count = int(self.now["recorded"][0] - self.now["first"][0])
         rows = self._equations.sampled_rows(self._states[:count].copy(), self._found[:count].copy())
         return rows, self._sums[:count].copy()

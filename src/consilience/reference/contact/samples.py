@@ -62,29 +62,30 @@ def _mark(found: Array, site: int, mode: int) -> None:
 
 
 class Samples:
-    """Samples and events of one motion.
+    """Samples and events of one motion, with the units of its impulses and losses, shape (2,).
 
     Attributes
     ----------
     events : list of ContactEvent
     """
 
-    def __init__(self, layout: RowLayout) -> None:
-        self._layout = layout
+    def __init__(self, layout: RowLayout, units: Array) -> None:
+        self._layout, self._units = layout, units
         self.events: list[ContactEvent] = []
-        self._mass, self._modes = float(np.sum(layout.model.mass)), np.zeros(0)  # of the sites, now
+        self._modes = np.zeros(0)  # of the sites, now
         springs = [layout.parts[k].compliance.stiffness for k in layout.springs]
         self._stiffness, self._owner = np.array(springs), layout.site[3 * np.arange(len(layout.parts))]
         self._found: list[tuple[Array, ...]] = []  # states, gaps, impulses, modes and losses of each step
 
     def record(self, modes: RowModes, rows: SampledRows, sums: Array) -> None:
-        """Record samples with impulses and losses over the mass, shape (n, 3 n_c + 1)."""
+        """Record samples with impulses and losses in their units, shape (n, 3 n_c + 1)."""
         layout, count = self._layout, len(rows.times)
         contacts, parts = len(layout.mechanism.contacts), len(layout.parts)
         gaps = np.full((contacts, count), np.inf)
         np.minimum.at(gaps, self._owner, rows.gap[:, :parts].T)
         stored = 0.5 * rows.gap[:, list(layout.springs)] ** 2 @ (self._stiffness * modes.pressed)
-        impulses, losses = self._mass * sums[:, :-1].reshape(count, -1, 3), self._mass * sums[:, -1] - stored
+        impulse, loss = self._units
+        impulses, losses = impulse * sums[:, :-1].reshape(count, -1, 3), loss * sums[:, -1] - stored
         shown = self._modes[None, :contacts].repeat(count, axis=0)
         self._found.append((rows.states, gaps.T, impulses, shown, losses))
 

@@ -26,7 +26,7 @@ import numpy as np
 
 from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import RANK_TOLERANCE, Array
-from consilience.reference.bodies.arrays import holonomic_rows
+from consilience.reference.bodies.arrays import ANGLE, holonomic_rows
 from consilience.reference.contact.equations import ContactEquations
 from consilience.reference.contact.lasting import sliding_rates, widest_margin
 from consilience.reference.contact.mode_system import sliding_indicator
@@ -143,8 +143,10 @@ def _require(law: Violations, k: int, time: float) -> None:
         )
 
 
-def refuse_overlap(equations: ContactEquations, at: tuple[float, Array, Array], least: float) -> None:
-    """Refuse a start at which shapes overlap, or a joint is beyond a stop, by more than `least`, m (rad).
+def refuse_overlap(equations: ContactEquations, at: tuple[float, Array, Array], least: float, metre: float) -> None:
+    """Refuse a start at which shapes overlap, or a joint is beyond a stop, by more than `least`, in units of length.
+
+    `metre` is how many of these make a metre, in which the message counts.
 
     Raises
     ------
@@ -155,13 +157,15 @@ def refuse_overlap(equations: ContactEquations, at: tuple[float, Array, Array], 
     if not len(gaps) or np.min(gaps) >= -least:
         return
     worst = int(np.argmin(gaps))
-    name, k = layout.names[layout.normals[worst]], layout.part_of(worst)
+    name, k, overlap = layout.names[layout.normals[worst]], layout.part_of(worst), -float(gaps[worst])
     if k is None:
-        raise InvalidInput(name, f"the joint is {-gaps[worst]:.6g} beyond it at the start", "Start within it.")
+        turns = layout.model.coordinate["kind"][layout.limits["coordinate"][layout.gaps[worst] - len(layout.parts)]]
+        beyond = f"{overlap:.6g} rad" if turns == ANGLE else f"{overlap / metre:.6g} m"
+        raise InvalidInput(name, f"the joint is {beyond} beyond it at the start", "Start within it.")
     part = layout.parts[k]
     raise InvalidInput(
         name,
-        f"'{part.body}' and '{part.partner}' overlap by {-gaps[worst]:.6g} m at the start",
+        f"'{part.body}' and '{part.partner}' overlap by {overlap / metre:.6g} m at the start",
         "Start with the shapes apart, or just touching.",
     )
 

@@ -15,20 +15,17 @@ the speeds.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from consilience.engine import TrajectoryAnswer
 from consilience.errors import InvalidInput, NumericalFailure
-from consilience.mechanism import Array, Contact, Mechanism, State, characteristic_length
-from consilience.reference.bodies.canonical import sample_times
+from consilience.mechanism import Array, Mechanism, State, characteristic_length
 from consilience.reference.contact.bounces import Bounces
 from consilience.reference.contact.equations import ContactEquations
 from consilience.reference.contact.event_functions import EventFunctions
 from consilience.reference.contact.events import CLEAR, Watch, first_zero, nodes_of, start_of_slip
 from consilience.reference.contact.hops import rows_at_rest, what_lifts
-from consilience.reference.contact.impact import AppliedImpact, Impact, apply_impact
+from consilience.reference.contact.impact import AppliedImpact, apply_impact
 from consilience.reference.contact.lasting import (
     LastingContact,
     binding_bounds,
@@ -42,7 +39,7 @@ from consilience.reference.contact.layout import layout_of
 from consilience.reference.contact.quiet_steps import STILL
 from consilience.reference.contact.response import Response, SampledRows
 from consilience.reference.contact.row_modes import RowModes, open_modes
-from consilience.reference.contact.samples import ContactEvent, Samples
+from consilience.reference.contact.samples import Samples
 from consilience.reference.contact.self_check import EventsAtOnce, UncheckedSamples, refuse_jam, refuse_overlap
 from consilience.reference.contact.slip_headings import STOPPED, SlipHeadings
 from consilience.reference.contact.speeds import fastest, speed_from_rest
@@ -61,52 +58,7 @@ _AT_MOST = 100  # samples that are taken together
 _CRAWL = 1e-8
 
 
-def simulate_with_contacts(
-    mechanism: Mechanism, state: State, times: Array, tolerance: float = 1e-12, impacts: str = "newton"
-) -> tuple[TrajectoryAnswer, tuple[ContactEvent, ...]]:
-    """Integrate the motion of a mechanism with its contacts, stops and dry frictions.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-    state : State
-        Consistent state at ``times[0]``, no contact overlapping; contacts may be closed.
-    times : ndarray, shape (n_t,), s
-        Increasing sample times; at the instant of an impact the sample has the velocities after it.
-    tolerance : float
-        Bound on the scaled local error of a step, 1e-13 to 1e-3.
-    impacts : str
-        Law of impacts where no contact asks for Poisson's: ``newton``, or ``moreau``, that of time stepping.
-
-    Returns
-    -------
-    TrajectoryAnswer
-        With contact gaps, impulses, modes, losses and events, and the counters ``steps``, ``evaluations``, ``impacts``.
-    tuple of ContactEvent
-        In order of time.
-
-    Raises
-    ------
-    InvalidInput
-        Tolerance out of range, times that do not increase, a contact that overlaps at the start.
-    NumericalFailure
-        The laws of contact have no solution or several (Painleve), or the integration fails.
-    """
-    run = _ContactSimulation(mechanism, state, times, tolerance, impacts)
-    answer = run.integrate()
-    return answer, tuple(run.samples.in_order())
-
-
-def simulate_with_impacts(
-    mechanism: Mechanism, state: State, times: Array, contacts: tuple[Contact, ...], tolerance: float = 1e-12
-) -> tuple[TrajectoryAnswer, tuple[Impact, ...]]:
-    """Integrate as `simulate_with_contacts`, with these contacts in place of the mechanism's; return the impacts."""
-    run = _ContactSimulation(replace(mechanism, contacts=contacts), state, times, tolerance)
-    answer = run.integrate()
-    return answer, tuple(impact.record(run.layout) for impact in run.impacts)
-
-
-class _ContactSimulation:
+class ContactSimulation:
     """One simulation with contacts."""
 
     def __init__(
@@ -114,29 +66,31 @@ class _ContactSimulation:
     ) -> None:
         if not 1e-13 <= tolerance <= 1e-3:
             raise InvalidInput("tolerance", f"{tolerance} is out of range", "Choose 1e-13 to 1e-3.")
-        self.times, self.law = sample_times(times), impacts
+        self.times, self.law = times, impacts
         self.layout = layout_of(mechanism)
         self.equations = ContactEquations(self.layout)
         start, self.span = float(self.times[0]), float(np.ptp(self.times))
         self.stepper = Stepper(
             self.equations, state, start, tolerance, open_modes(self.layout), self.span / _STEPS or np.inf
         )
-        self.samples, self.recorded = Samples(self.layout), 0
+        self.samples, self.recorded = Samples(self.layout, self.equations.sums), 0
         self.unchecked = UncheckedSamples(self.equations)
         self.impacts: list[AppliedImpact] = []
         radii = [part.radius for part in self.layout.parts if hasattr(part, "radius")]
         self.length = max([characteristic_length(mechanism), *radii])
         response = self.stepper.respond(start, self.stepper.y)
         self.speed = max(speed_from_rest(self.equations, response, self.length), 1e-6 * self.length)
+        self.equations.count_sums_by(max(self._speeds(), self.length))
         self.bounces = Bounces(self.layout, self.length)
         self.slips = SlipHeadings(self.equations)
         self.functions = EventFunctions(self.equations, self.length)
         self.quiet = self.stepper.quiet_steps(self.times, self.length, self.span)
         self.at_once = EventsAtOnce()
 
-    def integrate(self) -> TrajectoryAnswer:
-        """Integrate step by step; samples are taken within steps."""
-        refuse_overlap(self.equations, (self.stepper.t, self.stepper.y, self.stepper.turns), TOUCHING * self.length)
+    def integrate(self, metre: float = 1.0) -> TrajectoryAnswer:
+        """Integrate step by step; samples are taken within steps. A metre has this many units of length."""
+        start = self.stepper.t, self.stepper.y, self.stepper.turns
+        refuse_overlap(self.equations, start, TOUCHING * self.length, metre)
         self.equations.press(TOUCHING * self.length)
         self._settle(frozenset(), {}, frozenset(), first=True)
         end = float(self.times[-1])

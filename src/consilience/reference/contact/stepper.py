@@ -134,12 +134,12 @@ class Stepper:
     @property
     def impulse(self) -> Array:
         """Impulses of the contacts on their bodies since the start, shape (n_c, 3), N s."""
-        return self.equations.mass * self._Y[self._count : -1].reshape(-1, 3)
+        return self.equations.sums[0] * self._Y[self._count : -1].reshape(-1, 3)
 
     @property
     def loss(self) -> float:
         """Energy lost since the start, J."""
-        return self.equations.mass * float(self._Y[-1])
+        return float(self.equations.sums[1] * self._Y[-1])
 
     def state(self) -> State:
         """Return the state at the time t."""
@@ -157,7 +157,7 @@ class Stepper:
         return found
 
     def sample(self, times: Array) -> tuple[SampledRows, Array]:
-        """Return samples at times (n,) within the last step, or at its end, with impulses and losses over the mass.
+        """Return samples at times (n,) within the last step, or at its end, with impulses and losses in their units.
 
         They are projected as at the end of a step; impulses and losses have the shape (n, 3 n_c + 1).
         """
@@ -192,8 +192,8 @@ class Stepper:
         """Continue from another packed state, and with what an impact adds to impulses and loss."""
         self._Y = self._Y.copy()
         self.y[:] = y
-        self._Y[self._count : -1] += impulse.ravel() / self.equations.mass
-        self._Y[-1] += loss / self.equations.mass
+        self._Y[self._count : -1] += impulse.ravel() / self.equations.sums[0]
+        self._Y[-1] += loss / self.equations.sums[1]
         self._restart()
 
     def halt(self, rows: Sequence[int]) -> None:

@@ -1,0 +1,73 @@
+"""Motions with contacts, friction and stops, computed in a mechanism's own units.
+
+Lengths, masses and times of a mechanism are near one in its own units (`motion_units`): constants of the simulation
+that are neither relative to a length nor to a speed act alike at any size. The factors are powers of two, so that
+nothing is rounded.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from consilience.engine import TrajectoryAnswer
+from consilience.mechanism import Array, Contact, Mechanism, State, kept_in_units, motion_units, telling_unit_of_time
+from consilience.reference.bodies.canonical import sample_times
+from consilience.reference.contact.impact import Impact
+from consilience.reference.contact.samples import ContactEvent
+from consilience.reference.contact.simulation import ContactSimulation
+
+
+def simulate_with_contacts(
+    mechanism: Mechanism, state: State, times: Array, tolerance: float = 1e-12, impacts: str = "newton"
+) -> tuple[TrajectoryAnswer, tuple[ContactEvent, ...]]:
+    """Integrate the motion of a mechanism with its contacts, stops and dry frictions.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    state : State
+        Consistent state at ``times[0]``, no contact overlapping; contacts may be closed.
+    times : ndarray, shape (n_t,), s
+        Increasing sample times; at the instant of an impact the sample has the velocities after it.
+    tolerance : float
+        Bound on the scaled local error of a step, 1e-13 to 1e-3.
+    impacts : str
+        Law of impacts where no contact asks for Poisson's: ``newton``, or ``moreau``, that of time stepping.
+
+    Returns
+    -------
+    TrajectoryAnswer
+        With contact gaps, impulses, modes, losses and events, and the counters ``steps``, ``evaluations``, ``impacts``.
+    tuple of ContactEvent
+        In order of time.
+
+    Raises
+    ------
+    InvalidInput
+        Tolerance out of range, times that do not increase, a contact that overlaps at the start.
+    NumericalFailure
+        The laws of contact have no solution or several (Painleve), or the integration fails.
+    """
+    times = sample_times(times)
+    units = motion_units(mechanism, times)
+    own, start, grid = kept_in_units(mechanism, units), units.convert(state), units.time * times
+    with telling_unit_of_time(units):
+        run = ContactSimulation(own, start, grid, tolerance, impacts)
+        answer = replace(units.inverse.convert(run.integrate(units.length)), time=times)
+    return answer, tuple(units.inverse.convert(event) for event in run.samples.in_order())
+
+
+def simulate_with_impacts(
+    mechanism: Mechanism, state: State, times: Array, contacts: tuple[Contact, ...], tolerance: float = 1e-12
+) -> tuple[TrajectoryAnswer, tuple[Impact, ...]]:
+    """Integrate in SI units, with these contacts in place of the mechanism's; return the impacts.
+
+    Parameters
+    ----------
+    mechanism, state, times, tolerance
+        As in `simulate_with_contacts`.
+    contacts : tuple of contacts
+    """
+    run = ContactSimulation(replace(mechanism, contacts=contacts), state, sample_times(times), tolerance)
+    answer = run.integrate()
+    return answer, tuple(impact.record(run.layout) for impact in run.impacts)
