@@ -64,12 +64,6 @@ def held_open(path=FILE):
     return {(case, one["engine"], one["method"]): one["why"] for one in found for case in one["cases"]}
 
 
-def unchecked(path=FILE):
-    """Return case, engine and profile of what the table leaves out."""
-    found = tomllib.loads(path.read_text(encoding="utf-8"))["unchecked"]
-    return {(one["case"], one["engine"], one["profile"]) for one in found}
-
-
 def motions(record):
     """Return the comparisons of a record that are about motions of engines."""
     return [c for c in record.comparisons if c["question"] == "trajectory" and c["engine"] != "reference"]

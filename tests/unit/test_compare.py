@@ -22,6 +22,8 @@ from consilience.compare.result import digits_of
 from consilience.compare.softness import SCALES
 from consilience.compare.uncertainty import richardson
 from consilience.engine import (
+    CONTACT_MODES,
+    EVENT_KINDS,
     InstantAnswer,
     Method,
     ModelAnswer,
@@ -477,6 +479,32 @@ def test_at_a_state_without_load_the_other_states_give_the_scale():
         force = released[0].copy()
         force[0, 0, 0] = shift * size
         assert instant(replace(reference, force_F=force), reference=reference).verdict is verdict
+
+
+@pytest.mark.parametrize(
+    ("events", "since"),
+    [
+        ([("opens", 0)], 1.5),
+        ([("slips", 0)], 1.5),
+        ([("slips", 1)], 0.0),
+        ([("slips", 2)], 0.0),
+        ([("sticks", 0), ("slips", 0)], 0.0),
+        ([("slips", 1), ("slips", 1)], 1.5),
+    ],
+    ids=["opens", "reverses", "begins to slip", "dry friction", "stops before it slips", "begins, then reverses"],
+)
+def test_what_opens_or_reverses_is_off_from_then_on(events, since):
+    """One contact slides from the start, another sticks; the third place is a dry friction. Events are at 0.5 s of 2 s."""
+    kinds, places = zip(*events, strict=True)
+    answer = replace(
+        REFERENCE,
+        contact_mode=np.tile([CONTACT_MODES.index(mode) for mode in ("sliding", "sticking")], (len(TIMES), 1)),
+        event_time=np.full(len(events), 0.5),
+        event_contact=np.array(places),
+        event_kind=np.array([EVENT_KINDS.index(kind) for kind in kinds]),
+    )
+    motion = ReferenceMotion(answer, np.zeros(len(TIMES)), 8)
+    assert motion.since_departures(2.0) == since
 
 
 # ---------------------------------------------------------------- softness at an instant

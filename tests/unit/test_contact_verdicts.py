@@ -8,7 +8,7 @@ from consilience.case import shipped_cases
 from consilience.compare import Verdict
 from consilience.compare.rules import RULES
 from consilience.engine import Question, load_engine
-from contact_verdicts import ANSWERS, differences, held_open, rows, unchecked
+from contact_verdicts import ANSWERS, differences, held_open, rows
 
 ENGINES = ("dart", "exudyn", "mujoco", "pinocchio")
 TABLE = list(rows())
@@ -24,8 +24,6 @@ def test_every_method_about_a_case_has_one_row_and_what_cannot_be_stated_is_unsu
             assert [(row.profile, row.answer) for row in own] == [("matched", "unsupported")], name
             continue
         for method in engine_.methods(case.mechanism, Question.TRAJECTORY):
-            if (name, engine, method.profile) in unchecked():
-                continue
             fitting = [row for row in own if row.profile == method.profile and row.method in ("", method.name)]
             assert len(fitting) == 1, (name, method.name)
 
@@ -38,7 +36,7 @@ def test_rows_are_of_cases_and_have_answers_causes_and_methods_that_exist():
         assert row.answer in ANSWERS, row
         assert row.cause in ("", *causes), row
         assert row.why, row
-    assert {case for case, *_ in [*held_open(), *unchecked()]} <= set(CASES)
+    assert {case for case, *_ in held_open()} <= set(CASES)
 
 
 def test_a_report_that_differs_from_the_table_is_told():

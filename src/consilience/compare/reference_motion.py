@@ -118,9 +118,10 @@ class ReferenceMotion:
         return sliding or begins
 
     def since_departures(self, end: float) -> float:
-        """Return the sum of the times since contacts opened or slips reversed, s.
+        """Return the sum of the times since contacts opened or slips on them reversed, s.
 
         Nothing brings back a speed that is off there: a body that flies is not held, and one that slides goes on.
+        What swings with dry friction is brought back.
         """
         left = np.array([*self._openings(), *self._reversals()])
         return float(np.sum(np.maximum(end - left, 0.0)))
@@ -130,17 +131,20 @@ class ReferenceMotion:
         return np.zeros(0) if kinds is None else np.asarray(times)[np.asarray(kinds) == OPENS]
 
     def _reversals(self) -> Iterator[float]:
-        """Yield the times at which what slides begins to slip anew: friction, and with it the acceleration, jumps."""
+        """Yield the times at which a contact that slides slips anew: friction, and so the acceleration, jumps."""
         answer = self.answer
         if answer.event_kind is None or answer.event_time is None or answer.event_contact is None:
             return
-        first = [] if answer.contact_mode is None else np.asarray(answer.contact_mode)[0]
-        slides = {contact for contact, mode in enumerate(first) if mode == SLIDING}
+        if answer.contact_mode is None:
+            return
+        slides = np.asarray(answer.contact_mode)[0] == SLIDING
         for time, contact, kind in zip(answer.event_time, answer.event_contact, answer.event_kind, strict=True):
-            if kind == SLIPS and contact in slides:
+            if contact >= len(slides):  # a stop or dry friction
+                continue
+            if kind == SLIPS and slides[contact]:
                 yield float(time)
             if kind != CLOSES:
-                (slides.add if kind == SLIPS else slides.discard)(int(contact))
+                slides[contact] = kind == SLIPS
 
     def up_to(self, count: int) -> ReferenceMotion:
         """Return the first samples alone, for motions that end there."""
