@@ -494,7 +494,7 @@ def test_at_a_state_without_load_the_other_states_give_the_scale():
     ids=["opens", "reverses", "begins to slip", "dry friction", "stops before it slips", "begins, then reverses"],
 )
 def test_what_opens_or_reverses_is_off_from_then_on(events, since):
-    """One contact slides from the start, another sticks; the third place is a dry friction. Events are at 0.5 s of 2 s."""
+    """One contact slides from the start, another sticks; the third is dry friction. Events are at 0.5 s of 2 s."""
     kinds, places = zip(*events, strict=True)
     answer = replace(
         REFERENCE,
