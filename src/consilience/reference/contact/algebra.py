@@ -201,3 +201,50 @@ def solve_small(system: Array, wanted: Array, x: Array) -> float:
                 for i in range(x.shape[0]):
                     x[i] += Vt[k, i] * (s / singular[k])
     return 0.0
+
+
+@inner
+def _combine(factors: Array, rows: Array, into: Array) -> None:
+    """Add a combination of rows, most of whose factors are zero."""
+    for r in range(factors.shape[0]):
+        if factors[r] != 0.0:
+            add_row(into, factors[r], rows[r])
+
+
+@allocating
+def hold(bias: Array, load: Array, K: Array, a: Array, modes: tuple[Array, Array], p: Array) -> float:
+    """Add the forces of what is closed and held to those of given bounds; return the determinant of the modes.
+
+    With ``G = K K^T`` the system is ``(E K) (S K)^T``: E and S have one or two entries in a row.
+
+    Parameters
+    ----------
+    bias : ndarray, shape (m,)
+    load, K : ndarray, shape (m, 6 n_b)
+        As of `response.Response`, `load` transposed.
+    a : ndarray, shape (6 n_b,)
+        ``L^T`` times the accelerations without forces on rows.
+    modes : tuple of ndarray
+        S and E, shape (r, m), overwritten by those over the scales of the rows.
+    p : ndarray, shape (m,)
+    """
+    S, E = modes
+    count, n = S.shape[0], a.shape[0]
+    moves, pushes, given = np.zeros((count, n)), np.zeros((count, n)), np.zeros(n)
+    wanted, x = np.zeros(count), np.zeros(count)
+    _combine(p, K, given)
+    for k in range(count):
+        size = 0.0
+        for r in range(p.shape[0]):
+            if E[k, r] != 0.0:
+                size += abs(E[k, r]) * np.sqrt(dot_rows(load[r], load[r]))
+                wanted[k] -= E[k, r] * (dot_rows(load[r], a) + bias[r] + dot_rows(K[r], given))
+        S[k] /= size
+        E[k] /= size
+        wanted[k] /= size
+        _combine(E[k], K, moves[k])
+        _combine(S[k], K, pushes[k])
+    determinant = solve_small(moves @ pushes.T, wanted, x)
+    for k in range(count):
+        add_row(p, x[k], S[k])
+    return determinant

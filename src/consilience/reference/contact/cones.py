@@ -11,6 +11,7 @@ a concave problem over second-order cones.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -126,7 +127,7 @@ def sticking_margin(problem: ContactProblem, modes: Modes, solution: ModeSolutio
 
 
 def admissible_force(
-    problem: ContactProblem, solution: ModeSolution, margin: StickingMargin, room: float = 0.0
+    problem: ContactProblem, solution: ModeSolution, margin_of: Callable[[], StickingMargin], room: float = 0.0
 ) -> Array:
     """Return the force of least norm in the cones; that of the widest margin where there is none but this.
 
@@ -134,16 +135,18 @@ def admissible_force(
     ----------
     problem : ContactProblem
     solution : ModeSolution
-    margin : StickingMargin
-        Of the modes of the solution.
+    margin_of : callable
+        Returns the margin of the modes of the solution, which is not asked for where the force of least norm will do.
     room : float
         Margin that the force keeps, over the forces; half of the widest where that is less.
     """
     cones = _Cones(problem, solution.modes)
     k = solution.undetermined.shape[1]
-    unit = _unit_of(solution, cones)
+    if k == 0 or (room == 0.0 and float(np.min(cones.slack(solution.force), initial=np.inf)) >= 0.0):
+        return solution.force
+    unit, margin = _unit_of(solution, cones), margin_of()
     cones.t -= min(room * unit, 0.5 * max(margin.value, 0.0))
-    if k == 0 or float(np.min(cones.slack(solution.force), initial=np.inf)) >= 0.0:
+    if float(np.min(cones.slack(solution.force), initial=np.inf)) >= 0.0:
         return solution.force
     if margin.value <= np.sqrt(_GAP) * unit:
         return margin.force

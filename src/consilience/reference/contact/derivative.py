@@ -16,7 +16,7 @@ from consilience.reference.bodies.forces import control_errors, count_turns
 from consilience.reference.bodies.mass_metric import solve_factor, solve_factor_transposed
 from consilience.reference.bodies.motion import rotations, state_rates
 from consilience.reference.bodies.projection import move_bodies, normalise
-from consilience.reference.contact.algebra import add_row, dot_rows, least_change, project_out, satisfy, solve_small
+from consilience.reference.contact.algebra import add_row, dot_rows, hold, least_change, project_out, satisfy
 from consilience.reference.contact.layout import RowLayout
 from consilience.reference.contact.pairs import RowMotion, move_rows
 from consilience.reference.kernel.compiled import allocating, inner
@@ -208,17 +208,7 @@ def _accelerations(system: ContactSystem, t: float, y: Array, a: Array, p: Array
     for k in range(count):
         near = dot_rows(E[k], modes.chosen[0]) + (t - modes.since[0]) * dot_rows(E[k], modes.chosen[1])
         add_row(p, near, S[k])
-    G = K @ K.T
-    free, determinant = load @ a + rows.bias + G @ p, 1.0
-    if count > 0:
-        of_row = np.abs(E) @ np.sqrt(np.sum(load * load, axis=1))
-        for k in range(count):
-            S[k] /= of_row[k]
-            E[k] /= of_row[k]
-        x = np.zeros(count)
-        determinant = solve_small(E @ (G @ np.ascontiguousarray(S.T)), -(E @ free), x)
-        for k in range(count):
-            add_row(p, x[k], S[k])
+    determinant = hold(rows.bias, load, K, a, (S, E), p) if count > 0 else 1.0
     for r in range(p.shape[0]):
         add_row(a, p[r], K[r])
     solve_factor_transposed(model, a)

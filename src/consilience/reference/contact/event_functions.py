@@ -7,7 +7,7 @@ import numpy as np
 from consilience.mechanism import Array
 from consilience.reference.contact.equations import ContactEquations
 from consilience.reference.contact.events import ARMED, CLEAR, ROUNDING, Watch, friction_margin
-from consilience.reference.contact.lasting import LastingContact, sliding_rates, widest_margin
+from consilience.reference.contact.lasting import LastingContact, chosen_force, sliding_rates, widest_margin
 from consilience.reference.contact.response import ObservedRows
 from consilience.reference.contact.row_modes import RowModes
 from consilience.reference.contact.stepper import Stepper
@@ -58,6 +58,9 @@ class EventFunctions:
                     watches.append(Watch("turn", j, speed))
         flying = {w.index for w, armed in zip(self.watches, self.armed, strict=True) if w.kind == "gap" and armed}
         self.watches = watches
+        if found.undetermined and self.room(stepper) <= CLEAR:
+            response = stepper.respond(stepper.t, stepper.y)
+            stepper.choose(chosen_force(self._equations, response, stepper.modes))
         values, rates = (part[0] for part in self.at(np.array([stepper.t]), stepper.y[None], stepper))
         ready = ARMED * np.array([w.scale for w in watches])
         flies = np.array([w.kind == "gap" and w.index in flying for w in watches], dtype=bool)

@@ -226,7 +226,7 @@ def chosen_force(equations: ContactEquations, response: Response, modes: RowMode
     problem, given, rows, *_ = problem_in_modes(equations, response, modes, sliding_rates(equations, modes, 0.0))
     solved = solve_with_modes(problem, given)
     force = np.zeros(len(response.free))
-    force[rows] = admissible_force(problem, solved, sticking_margin(problem, given, solved), ROOM)
+    force[rows] = admissible_force(problem, solved, partial(sticking_margin, problem, given, solved), ROOM)
     return force
 
 

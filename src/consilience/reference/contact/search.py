@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -180,7 +180,7 @@ class ModeSearch:
         if not solved.consistent or not (solved.singular or self._moves_right(solved)):
             return None
         if solved.undetermined.shape[1]:
-            solved = replace(solved, force=admissible_force(self.problem, solved, self._margin(solved)))
+            solved = replace(solved, force=admissible_force(self.problem, solved, partial(self._margin, solved)))
         if solved.singular:
             solved = replace(solved, acceleration=self.problem.acceleration(solved.force))
             if not self._moves_right(solved):

@@ -79,33 +79,37 @@ def _word_count(kind: types.Type) -> int:
     return kind.words if isinstance(kind, RecordType) else int(kind in _NUMBERS)
 
 
-def _record_type(kind: type, fields: tuple[types.Type, ...]) -> RecordType:
-    key = kind, *map(id, fields)
-    if key not in _KINDS:
-        _KINDS[key] = RecordType(kind, fields)
-    return _KINDS[key]
-
-
-def _array_type(array: np.ndarray[Any, Any]) -> types.Type:
-    """Return the Numba type of an array; Numba takes microseconds to build that of records, at every call."""
-    key = (type(array), array.dtype, array.ndim, array.flags.num & _FORM)
-    if key not in _ARRAY_TYPES:
-        _ARRAY_TYPES[key] = typeof(array)
-    return _ARRAY_TYPES[key]
+def _walk(value: Any, words: list[int]) -> types.Type:
+    """Append the words of a value, as integers; return its Numba type."""
+    if isinstance(value, np.ndarray):
+        # each way takes a third of the other for its arrays: `__array_interface__` describes the fields of a record
+        words.append(value.ctypes.data if value.dtype.names else value.__array_interface__["data"][0])
+        words += value.shape
+        words += value.strides
+        form = type(value), value.dtype, value.ndim, value.flags.num & _FORM
+        if form not in _ARRAY_TYPES:
+            _ARRAY_TYPES[form] = typeof(value)
+        return _ARRAY_TYPES[form]
+    if isinstance(value, MechanismRecord):
+        words += value.words
+        return value.numba_type
+    if isinstance(value, tuple):
+        fields = [_walk(one, words) for one in value]
+        key = type(value), *map(id, fields)
+        if key not in _KINDS:
+            _KINDS[key] = RecordType(type(value), tuple(fields))
+        return _KINDS[key]
+    kind = typeof(value)
+    if not (kind in _NUMBERS or isinstance(kind, types.NoneType)):
+        raise TypeError(f"{kind} cannot be held: give arrays, int, float, bool, None, or named tuples of them")
+    if value is not None:
+        words.append(int(np.float64(value).view(np.int64)) if isinstance(value, float) else int(value))
+    return kind
 
 
 def type_of(value: Any) -> types.Type:
     """Return the Numba type of a record, of a named tuple as a record, or of a field."""
-    if isinstance(value, MechanismRecord):
-        return value.numba_type
-    if isinstance(value, tuple):
-        return _record_type(type(value), tuple(map(type_of, value)))
-    if isinstance(value, np.ndarray):
-        return _array_type(value)
-    kind = typeof(value)
-    if not (kind in _NUMBERS or isinstance(kind, types.Array | types.NoneType)):
-        raise TypeError(f"{kind} cannot be held: give arrays, int, float, bool, None, or named tuples of them")
-    return kind
+    return _walk(value, [])
 
 
 def record_array(value: T) -> T:
@@ -115,8 +119,9 @@ def record_array(value: T) -> T:
     """
     if config.DISABLE_JIT:
         return value
-    kind = type_of(value)
-    memory: Any = (c_int64 * kind.words)(*_words(value))
+    words = list[int]()
+    kind = cast(RecordType, _walk(value, words))
+    memory: Any = (c_int64 * kind.words)(*words)
     memory.kept = value
     _RECORD_TYPES[kind.name] = kind
     return cast(T, np.frombuffer(memory, dtype=np.dtype([(kind.name, np.int64, (kind.words,))], align=True)))
@@ -144,21 +149,6 @@ def _fields_of(words):  # type: ignore[no-untyped-def] # Numba compares this lin
     return lambda words: _open(words)  # noqa: PLW0108
 
 
-def _words(value: Any) -> list[int]:
-    """Return the words of a value as integers."""
-    if isinstance(value, np.ndarray):
-        # each way takes a third of the other for its arrays: `__array_interface__` describes the fields of a record
-        address = value.ctypes.data if value.dtype.names else value.__array_interface__["data"][0]
-        return [address, *value.shape, *value.strides]
-    if isinstance(value, MechanismRecord):
-        return value.words
-    if isinstance(value, tuple):
-        return [word for one in value for word in _words(one)]
-    if value is None:
-        return []
-    return [int(np.float64(value).view(np.int64)) if isinstance(value, float) else int(value)]
-
-
 class MechanismRecord:
     """A named tuple that kernels read through one address; keeps its arrays alive. Made by `record_of`.
 
@@ -174,8 +164,8 @@ class MechanismRecord:
 
     def __init__(self, fields: Any) -> None:
         self.__dict__.update(fields._asdict())  # `__getattr__` alone would take longer than what is read
-        self.numba_type = type_of(fields)
-        self._tuple, self.words = fields, _words(fields)
+        self._tuple, self.words = fields, list[int]()
+        self.numba_type = _walk(fields, self.words)
         self._memory = np.array(self.words, dtype=np.int64)
         self.address = self._memory.ctypes.data
 
