@@ -97,7 +97,9 @@ def _sliding(mechanism: Mechanism, start: State, velocity: Array) -> State:
     y = np.hstack([state.v_WB_W, state.w_WB_W]).ravel() / sizes
     rows = closing_rows(mechanism, start) * sizes
     rows /= np.linalg.norm(rows, axis=1, keepdims=True)
-    y -= free @ np.linalg.lstsq(rows @ free, rows @ y, rcond=RANK_TOLERANCE)[0]
+    along = rows @ free
+    along[np.linalg.norm(along, axis=1) <= RANK_TOLERANCE] = 0.0  # the joints hold these gaps
+    y -= free @ np.linalg.lstsq(along, rows @ y, rcond=RANK_TOLERANCE)[0]
     twists = (sizes * y).reshape(-1, 6)
     return State(start.p_WB, start.quat_WB, twists[:, :3], twists[:, 3:])
 
