@@ -10,7 +10,8 @@ point is a sphere of this radius.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from itertools import combinations
 from typing import Any
 
@@ -34,6 +35,10 @@ forces are not determined, and is no better elsewhere."""
 
 DEFAULT_ITERATIONS = 100
 """Iterations of `FbfFrictionSolver` in motions, its default."""
+
+REPEATED = 20
+"""Factor on the iterations by which a step is repeated whose friction was not solved: DART's substitute has boxes in
+place of cones, by which what slides goes astray."""
 
 TOO_MANY = 0.05
 """Part of the solutions of friction that may fail: where a body with several contacts rests, and forces of friction are
@@ -140,6 +145,7 @@ class Touching:
         solver = world.getConstraintSolver()
         solver.setCollisionDetector(dartpy.collision.DARTCollisionDetector())
         self._friction: Any = None
+        self._failed = self._repeated = 0  # solutions: seen, and of steps that were repeated
         self._pivoting = solver.getBoxedLcpSolver()
         if cones:
             self.solve_by("FbfFrictionSolver", "maxOuterIterations", DEFAULT_ITERATIONS, TOLERANCE)
@@ -167,12 +173,29 @@ class Touching:
         most : int
         tolerance : float
         """
-        self._friction = getattr(dartpy.constraint, name)()
-        options = self._friction.getOptions()  # a copy
-        options.tolerance = tolerance
-        setattr(options, bound, most)
-        self._friction.setOptions(options)
+        self._friction, self._bound, self._most = getattr(dartpy.constraint, name)(), bound, most
+        self._set_options(tolerance=tolerance, **{bound: most})
         self._world.getConstraintSolver().setBoxedLcpSolver(self._friction)
+
+    def _set_options(self, **values: float) -> None:
+        options = self._friction.getOptions()  # a copy
+        for name, value in values.items():
+            setattr(options, name, value)
+        self._friction.setOptions(options)
+
+    def lost(self) -> int:
+        """Return how often friction was not solved since this was asked last."""
+        before, self._failed = self._failed, 0 if self._friction is None else int(self._friction.getStats().numFailed)
+        return self._failed - before
+
+    @contextmanager
+    def repeating(self, lost: int) -> Iterator[None]:
+        """Solve friction by `REPEATED` times the iterations within the block, a step that has lost solutions before."""
+        self._set_options(**{self._bound: REPEATED * self._most})
+        yield
+        self._set_options(**{self._bound: self._most})
+        self._repeated += lost
+        self.lost()
 
     def restart(self) -> None:
         """Set all sums to zero."""
@@ -250,9 +273,10 @@ class Touching:
         if self._friction is None:
             return 0
         stats = self._friction.getStats()
-        if stats.numFailed > max(1.0, TOO_MANY * stats.numSolves):
-            raise ArithmeticError(f"FbfFrictionSolver fails {stats.numFailed} of {stats.numSolves} times")
-        return int(stats.numFailed)
+        failed = int(stats.numFailed) - self._repeated
+        if failed > max(1.0, TOO_MANY * stats.numSolves):
+            raise ArithmeticError(f"FbfFrictionSolver fails {failed} of {stats.numSolves} times")
+        return failed
 
     def gaps(self) -> Array:
         """Return the gaps in m, by the poses of DART."""

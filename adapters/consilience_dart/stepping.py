@@ -11,6 +11,7 @@ A constraint of position error phi holds ``J v = -reduction phi / h``. Force mix
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -86,6 +87,8 @@ class Stepper:
         Contacts; None if the mechanism has none.
     mended : bool
         Take from small rotations what DART's truncated exponential map adds.
+    repeats : bool
+        Repeat a step whose friction was not solved, with more iterations.
     """
 
     model: Model
@@ -95,6 +98,7 @@ class Stepper:
     reduction: float = 0.0
     touching: Touching | None = None
     mended: bool = False
+    repeats: bool = False
 
     def restart(self, c: Coordinates, time: float, step: float) -> None:
         """Set state, time and step, and the integrals of controllers to zero."""
@@ -105,10 +109,19 @@ class Stepper:
         if self.touching:
             self.touching.restart()
 
-    def _advance(self) -> None:
-        before = self.model.skeleton.getPositions() if self.mended else None
+    def _advance(self, prepare: Callable[[], None] = lambda: None) -> None:
+        """Take a step; `prepare` sets loads and commands, which DART forgets after a step."""
+        skeleton = self.model.skeleton
+        before, velocities = skeleton.getPositions(), skeleton.getVelocities()
+        prepare()
         self.world.step()
-        if before is not None:
+        if self.touching and self.repeats and (lost := self.touching.lost()):
+            skeleton.setPositions(before)
+            skeleton.setVelocities(velocities)
+            prepare()
+            with self.touching.repeating(lost):
+                self.world.step()
+        if self.mended:
             mend_rotations(self.model, before)
         if self.touching:
             self.touching.add(self.world.getTimeStep())
@@ -120,11 +133,14 @@ class Stepper:
                 self._advance()
             return
         h, start = self.world.getTimeStep(), self.time
-        for n in range(count):
+
+        def prepare() -> None:
             self.forces.apply(self.time)
             command_steps(self.model, self.time, h, self.reduction)
+
+        for n in range(count):
             errors = self.forces.errors(self.time)
-            self._advance()
+            self._advance(prepare)
             self.forces.integrals += h * errors
             self.time = start + (n + 1) * h
 

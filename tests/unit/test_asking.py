@@ -81,6 +81,12 @@ def test_a_clear_order_elsewhere_needs_no_finer_steps_but_softness():
     assert scales == [(40, s) for s in SCALES[Profile.MATCHED]]
 
 
+def test_an_order_elsewhere_by_chance_is_asked_once_more():
+    """Three levels of order 2.18 whose limit is 1.5e-6 off; the fourth has left the error of the first ones behind."""
+    errors = {10: 8e-6, 20: 3e-6, 40: 1.9e-6, 80: 1e-9}
+    assert asked(lambda h, s: errors[round(SAMPLE / h)])[0] == [*THREE, 80]
+
+
 @pytest.mark.parametrize(
     ("motion", "other"),
     [

@@ -21,7 +21,7 @@ than the motion has this ratio."""
 JUMP = 1e9
 """Angle in rad by which the direction of a spring turns in a step from which on it jumps."""
 
-NO_POWER = "no power"
+NO_POWER, ELSEWHERE = "no power", "elsewhere"
 """Name of the rule for comparisons that would have passed a gross error."""
 
 POWERLESS = f"an error of {100 * LARGEST:.0f} % in something that acts at the digits asked would pass"
@@ -256,7 +256,7 @@ RULES: tuple[Rule, ...] = (
         lambda e: f"differs by {e.finest:.2g}, {e.limit_text}: too coarse to tell steps from model{e.cut}",
     ),
     Rule(
-        "elsewhere",
+        ELSEWHERE,
         Verdict.MODEL,
         "anything else: the levels converge cleanly to another motion",
         lambda _: True,
@@ -265,7 +265,7 @@ RULES: tuple[Rule, ...] = (
 )
 
 
-CONVERGENCE = frozenset({"no ladder", "converged elsewhere", "elsewhere"})
+CONVERGENCE = frozenset({"no ladder", "converged elsewhere", ELSEWHERE})
 """Rules that blame the model because neither steps nor softness explain a difference."""
 
 INSTANT_RULES: dict[str, str] = {

@@ -34,7 +34,7 @@ from consilience.compare.motion import (
 )
 from consilience.compare.reference_motion import ReferenceMotion, up_to_shortest
 from consilience.compare.result import CoarserLevel, Comparison, Level, Verdict, digits_of
-from consilience.compare.rules import NO_POWER, decide
+from consilience.compare.rules import ELSEWHERE, NO_POWER, decide
 from consilience.engine import Question, Run, TrajectoryAnswer
 from consilience.mechanism import Array, Mechanism, fastest_rate, turning_rate
 
@@ -387,8 +387,9 @@ class Prospect:
         levels = _Levels(mechanism, runs, reference_motion, softer)
         evidence = levels.evidence()
         rule, _ = decide(evidence)
-        if rule.name == NO_POWER:
-            return cls(False, True)  # a finer level has a narrower band
+        chance = rule.name == ELSEWHERE and not evidence.clean and len(levels.steps) <= uncertainty.LEAST_LEVELS
+        if chance or rule.name == NO_POWER:
+            return cls(False, True)  # three levels have an order by chance; a finer one has a narrower band
         if rule.verdict is not Verdict.DISCRETISATION:
             steady = levels.ladder.change <= softness.EXPLAINED * evidence.finest
             return cls(rule.final, rule.name in _OPEN, evidence.unresolved_rate, steady)

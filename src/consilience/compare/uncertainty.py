@@ -48,6 +48,9 @@ LEAST_ORDER = 0.5
 ROUNDING = 1e-11
 """Differences below this are rounding errors, which show no order."""
 
+LEAST_LEVELS = 3
+"""Levels that have an order, which may be one by chance."""
+
 MOST_LEVELS = 8
 LEVEL_BUDGET = 5.0
 """Largest number of levels of a method, and largest CPU time in s that a further level may take."""
