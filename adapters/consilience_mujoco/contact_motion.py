@@ -8,7 +8,7 @@ follow the step h, with a relaxation time T:
 ==========================  ================================================================
 friction, dry friction      ``b = 1 / h``
 no restitution              ``b = 0.6 / h``, ``k = b / T``: no rebound as h vanishes
-restitution e               k of `HELD` coarsest steps, b by the damping ratio of which the rebound is e
+restitution e               k fixed, b by the damping ratio of which the rebound is e
 ==========================  ================================================================
 """
 
@@ -35,9 +35,8 @@ RELAXATION, RELAXATION_OF_STOPS = 0.2, 1.0
 _SLIDING, _NORMAL = 1.0, 0.6
 """Damping of friction and of the normal direction, times the step: RK4 is stable below 2.78."""
 
-HELD = 16
-"""Half a period of the spring of a contact or a stop with restitution, in steps of the coarsest level: as hard as the
-levels resolve, at any sample interval and in any unit of time."""
+BOUNCE = 1e6
+"""Stiffness of contacts and stops with restitution over the inertia, 1/s^2: half a period is 3 ms."""
 
 _ON_CONE = 1e-9
 """Relative distance to the cone at which a contact counts as sliding."""
@@ -68,7 +67,7 @@ def rebound(z: float) -> float:
     return float(((z - s) * np.exp(-(z - s) * tau) - (z + s) * np.exp(-(z + s) * tau)) / (2.0 * s))
 
 
-def set_gains(translation: Translation, state: State, interval: float, half_period: float) -> None:
+def set_gains(translation: Translation, state: State, interval: float, softness: float) -> None:
     """Set gains and regularisation of contacts, stops and dry friction for a motion with the step of the model.
 
     Parameters
@@ -79,8 +78,8 @@ def set_gains(translation: Translation, state: State, interval: float, half_peri
         At the start.
     interval : float, s
         Sample interval.
-    half_period : float, s
-        Of contacts and stops with restitution: the time for which a smooth body is held.
+    softness : float
+        Factor on the square root of the compliance of contacts and stops with restitution.
     """
     t, model = translation, translation.model
     normal = _normal_forces(t, state)
@@ -93,13 +92,13 @@ def set_gains(translation: Translation, state: State, interval: float, half_peri
         rough = touch.part.friction > 0.0
         ratio = SOFT if rough else HARD
         set_inverse_inertia(model, touch, ratio * A)
-        b, k = _gains(touch.part.restitution, slow, half_period)
+        b, k = _gains(touch.part.restitution, slow, softness)
         model.pair_solref[touch.pair] = _solref(k, b, ratio if rough else 1.0)
         model.pair_solreffriction[touch.pair] = _solref(0.0, _SLIDING / step, 1.0)
         if rough:  # the overlap under the force at the start is at a gap of zero
             model.pair_margin[touch.pair] = normal.get(touch.pair, 0.0) * A / k
     for limit in t.limits:
-        b, k = _gains(limit.restitution, (damping, damping / (RELAXATION_OF_STOPS * interval)), half_period)
+        b, k = _gains(limit.restitution, (damping, damping / (RELAXATION_OF_STOPS * interval)), softness)
         model.jnt_solref[limit.joint] = _solref(k, b, 1.0)
     model.dof_solref[:] = _solref(0.0, _SLIDING / step, 1.0)
 
@@ -113,11 +112,11 @@ def soften_defaults(model: Any, softness: float) -> None:
     model.dof_solref[:, 0] *= float(np.sqrt(softness))
 
 
-def _gains(restitution: float, slow: tuple[float, float], half_period: float) -> tuple[float, float]:
+def _gains(restitution: float, slow: tuple[float, float], softness: float) -> tuple[float, float]:
     """Damping and stiffness over the inertia."""
     if restitution == 0.0:
         return slow
-    k = (np.pi / half_period) ** 2
+    k = BOUNCE / softness**2
     return 2.0 * damping_ratio(restitution) * float(np.sqrt(k)), k
 
 

@@ -33,7 +33,7 @@ from consilience_mujoco.callback import answering
 from consilience_mujoco.charts import advance
 from consilience_mujoco.contact_instant import ContactInstant
 from consilience_mujoco.contact_methods import CONTACT_FEATURES, HALVINGS, REASONS, refused, unilateral_methods
-from consilience_mujoco.contact_motion import HELD, ContactRecord, set_gains, soften_defaults
+from consilience_mujoco.contact_motion import ContactRecord, set_gains, soften_defaults
 from consilience_mujoco.contacts import is_unilateral
 from consilience_mujoco.evaluate import (
     accelerations,
@@ -240,7 +240,7 @@ class MujocoEngine:
             softness = 1.0 if method.softness is None else method.softness
             if method.profile is Profile.MATCHED:
                 set_state(translation, state)
-                set_gains(translation, state, interval, softness * HELD * interval / method.substeps[0])
+                set_gains(translation, state, interval, softness)
             else:
                 soften_defaults(translation.model, softness)
         contacts = len(translation.mechanism.contacts)

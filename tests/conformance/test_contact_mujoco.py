@@ -237,31 +237,17 @@ def test_a_ball_starts_to_slide_just_below_the_threshold_of_rolling():
 
 
 def test_a_ball_bounces_with_its_restitution_whatever_its_mass():
-    """The spring holds the ball for 3.2 ms, or for 0.8 ms by a quarter of the softness: sixteen times the stiffness."""
+    """The spring holds the ball for pi / 1000 s; a softness of a quarter is sixteen times the stiffness."""
     t1, u = np.sqrt(2.0 / G), np.sqrt(2.0 * G)
     later = 0.7 - t1
     truth = [0, 0, 0.1 + 0.5 * u * later - 0.5 * G * later**2], [0, 0, 0.5 * u - G * later]
-    for mass, softness, bar in ((1.3, 2.0, 3e-2), (40.0, 0.5, 1e-2)):
+    for mass, softness, bar in ((1.3, 1.0, 3e-2), (40.0, 0.25, 1e-2)):
         mechanism = LAB.free_body(mass, [0.4 * mass * 0.01] * 3, LEVEL, [LAB.sphere(0.1, restitution=0.5)])
         method = replace(ENGINE.methods(mechanism, T)[0], softness=softness)
         answer = ENGINE.trajectory(
             mechanism, LAB.state([0, 0, 1.1], [0, 0, 0]), np.linspace(0, 0.7, 15), method, 2.5e-5
         )
         close(LAB.centre(answer)[:2], truth, bar)
-
-
-def test_what_rebounds_is_held_for_sixteen_steps_of_the_coarsest_level_at_any_sample_interval():
-    """A ball without damping that flies at 1 m/s: there and back it loses the half period of its spring."""
-    mechanism = LAB.free_body(1.3, [0.4 * 1.3 * 0.01] * 3, np.zeros(3), [LAB.sphere(0.1, restitution=1.0)])
-    method = ENGINE.methods(mechanism, T)[0]
-    for interval in (0.05, 0.2):
-        times = interval * np.arange(5)
-        held = 16 * interval / method.substeps[0]
-        answer = ENGINE.trajectory(
-            mechanism, LAB.state([0, 0, 0.1 + interval], [0, 0, -1.0]), times, method, held / 160
-        )
-        height = LAB.centre(answer)[0][2] - 0.1
-        assert 3.0 * interval - height == pytest.approx(held, rel=1e-2)
 
 
 def test_the_rebound_of_a_damping_ratio():
