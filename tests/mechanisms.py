@@ -50,6 +50,7 @@ def is_conservative(mechanism: Mechanism) -> bool:
     return not (
         any(working)
         or any(s.damping != 0 or s.actuator is not None for s in elastic)
+        or any(any(s.higher_damping) for s in mechanism.joint_springs)
         or any(x.kind != "force" or x.frame != "world" or x.history is not None for x in mechanism.loads)
     )
 
@@ -204,6 +205,18 @@ def powered(seed: int = 30) -> Mechanism:
     )
 
 
+def hardening(seed: int = 24, backwards: tuple[int, ...] = (1, 2)) -> Mechanism:
+    """A chain whose joint springs are polynomials: one that hardens, one that softens, one of a cube alone."""
+    base = chain("revolute", "prismatic", "cylindrical", seed=seed, backwards=backwards, forces=True)
+    higher = (((2.0, 1.5), (0.3, 0.2)), ((-1.2, -0.4), (0.0, 0.15)), ((0.0, 2.5), (0.4,)))
+    springs = (
+        replace(s, higher_stiffness=stiffness, higher_damping=damping)
+        for s, (stiffness, damping) in zip(base.joint_springs, higher, strict=True)
+    )
+    first, second, last = springs
+    return replace(base, name="hardening", joint_springs=(first, second, replace(last, stiffness=0.0, rest=-0.2)))
+
+
 def driven(seed: int = 31) -> Mechanism:
     """A chain with two drives: one on an angle and one on a distance."""
     base = chain("revolute", "spherical", "cylindrical", seed=seed)
@@ -256,6 +269,7 @@ TREES = {
     "long_chain": chain("revolute", "prismatic", "spherical", "revolute", "universal", seed=21),
     "floating_chain": chain("free", "cylindrical", "planar", "revolute", seed=22),
     "forced_chain": chain("revolute", "prismatic", "spherical", "cylindrical", seed=23, forces=True),
+    "hardening_chain": hardening(),
     "branched": branched(),
 }
 

@@ -79,7 +79,13 @@ def joint_efforts(mechanism: Mechanism, state: State, t: float):
     for s in mechanism.joint_springs:
         q, rate = joint_spring_motion(mechanism, state, s.joint, s.coordinate)
         actuator = s.actuator.at(t)[0] if s.actuator else 0.0
-        yield s.joint, s.coordinate, actuator - s.stiffness * (q - s.rest) - s.damping * rate
+        x, (k1, k2), (c1, c2) = (
+            q - s.rest,
+            *((*given, 0.0, 0.0)[:2] for given in (s.higher_stiffness, s.higher_damping)),
+        )
+        spring = s.stiffness * x + k1 * x**2 + k2 * x**3
+        damper = s.damping * rate + np.sign(rate) * c1 * rate**2 + c2 * rate**3
+        yield s.joint, s.coordinate, actuator - spring - damper
     for f in mechanism.frictions:
         _, rate = joint_spring_motion(mechanism, state, f.joint, f.coordinate)
         yield f.joint, f.coordinate, -f.viscous * rate - f.coulomb * np.tanh(rate / f.speed)

@@ -20,7 +20,7 @@ from consilience.engine.answers import (
     Unsupported,
 )
 from consilience.engine.contact_samples import joined_mode, limit_of_halved, motion_of_halved, over_parts
-from consilience.engine.elementary_models import ELEMENTARY, axis_link, merged_spring, without_screws
+from consilience.engine.elementary_models import ELEMENTARY, axis_link, merged_spring, nonlinear_part, without_screws
 from consilience.engine.harness_solvers import numerical_rank, require_stable, runge_kutta_4, solve_constrained
 from consilience.engine.installation import adapter_file, engine_distribution, lacks_engine, pip_requirement
 from consilience.engine.protocol import (
@@ -74,6 +74,7 @@ __all__ = [
     "load_named",
     "merged_spring",
     "motion_of_halved",
+    "nonlinear_part",
     "numerical_rank",
     "over_parts",
     "pip_requirement",

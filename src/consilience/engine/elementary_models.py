@@ -29,8 +29,13 @@ def axis_link(mechanism: Mechanism, tree: Tree, joint: str, coordinate: str) -> 
     return n, -1.0 if tree.links[n].reversed else 1.0
 
 
+def nonlinear_part(spring: JointSpring) -> JointSpring:
+    """Return a joint spring without its linear part and its actuator, for engines whose own springs are linear."""
+    return replace(spring, stiffness=0.0, damping=0.0, actuator=None)
+
+
 def merged_spring(springs: Sequence[JointSpring]) -> tuple[float, float, float, float]:
-    """Return the one spring-damper with the same effort as several springs in one joint coordinate.
+    """Return the one spring-damper with the same effort as the linear parts of several springs in a joint coordinate.
 
     Returns
     -------

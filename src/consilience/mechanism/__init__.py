@@ -75,6 +75,7 @@ from consilience.mechanism.elements import (
     Skate,
     Spring,
     friction_law,
+    spring_damper_law,
     spring_force,
 )
 from consilience.mechanism.functions import Function, Jet, Table, constant, linear, sine, through
@@ -100,7 +101,7 @@ from consilience.mechanism.observables import (
 )
 from consilience.mechanism.parameter_effects import ParameterEffects
 from consilience.mechanism.perturbation import Perturbation, PhysicalParameter, physical_parameters, states_in_motion
-from consilience.mechanism.rates import fastest_rate, frictions_too_steep, turning_rate
+from consilience.mechanism.rates import fastest_rate, frictions_too_steep, rough_dampers, turning_rate
 from consilience.mechanism.singular import first_singular, is_singular, move
 from consilience.mechanism.solids import Solid, ball, bar, block
 from consilience.mechanism.spanning_tree import spanning_tree
@@ -281,6 +282,7 @@ __all__ = [
     "rotation_from_three_points",
     "rotation_vector_from_quaternion",
     "rotation_with_z_axis",
+    "rough_dampers",
     "row_gamma",
     "row_jacobian",
     "row_names",
@@ -293,6 +295,7 @@ __all__ = [
     "singular_pose",
     "skew",
     "spanning_tree",
+    "spring_damper_law",
     "spring_force",
     "states_in_motion",
     "telling_unit_of_time",

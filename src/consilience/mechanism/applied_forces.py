@@ -127,8 +127,10 @@ def _joint_efforts(mechanism: Mechanism, state: State, t: float) -> Iterator[tup
     """Joint, coordinate, effort on the successor and its size, of joint springs, friction and controls."""
     for s in mechanism.joint_springs:
         q, rate = joint_spring_motion(mechanism, state, s.joint, s.coordinate)
+        k1, k2, c1, c2 = s.higher
         parts = [float(s.actuator.at(t)[0]) if s.actuator else 0.0, -s.stiffness * q, s.stiffness * s.rest]
-        yield s.joint, s.coordinate, *_sum([*parts, -s.damping * rate])
+        parts += [-s.damping * rate, -k1 * (q - s.rest) ** 2, -k2 * (q - s.rest) ** 3]
+        yield s.joint, s.coordinate, *_sum([*parts, -c1 * abs(rate) * rate, -c2 * rate**3])
     for f in mechanism.frictions:
         _, rate = joint_spring_motion(mechanism, state, f.joint, f.coordinate)
         effort, _ = friction_law(rate, f.viscous, f.coulomb, f.speed)
@@ -149,7 +151,7 @@ def conservative_part(mechanism: Mechanism) -> Mechanism:
     return replace(
         mechanism,
         springs=tuple(replace(s, damping=0.0, actuator=None) for s in mechanism.springs),
-        joint_springs=tuple(replace(s, damping=0.0, actuator=None) for s in mechanism.joint_springs),
+        joint_springs=tuple(replace(s, damping=0.0, higher_damping=(), actuator=None) for s in mechanism.joint_springs),
         loads=(),
         frictions=(),
         controls=(),

@@ -109,9 +109,34 @@ def spring_force(law: tuple[float, float, float], push: float, d: Array, v: Arra
     return damping * v if stiffness * free_length + push == 0.0 else np.full(3, math.nan)
 
 
+def spring_damper_law(
+    x: float, rate: float, stiffness: tuple[float, float, float], damping: tuple[float, float, float]
+) -> tuple[float, float]:
+    """Return the effort of a joint spring, ``-(k x + k1 x^2 + k2 x^3) - (c + c1 |v| + c2 v^2) v``, and its damping.
+
+    The damping is minus the slope with the rate. Exported scripts contain the text of this function. The reference
+    solver has the law in kernels of its own.
+
+    Parameters
+    ----------
+    x, rate : float
+        Coordinate less the rest, rad or m, and its rate v.
+    stiffness, damping : (k, k1, k2) and (c, c1, c2)
+        See `JointSpring`.
+    """
+    k, k1, k2 = stiffness
+    c, c1, c2 = damping
+    speed = abs(rate)
+    effort = -(k + (k1 + k2 * x) * x) * x - (c + (c1 + c2 * speed) * speed) * rate
+    return effort, c + (2.0 * c1 + 3.0 * c2 * speed) * speed
+
+
 @dataclass(frozen=True, eq=False)
 class JointSpring:
-    """Spring-damper-actuator in a joint coordinate: ``-(k (q - q0) + c dq/dt) + f(t)`` [MASS (33)-(35)].
+    """Spring-damper-actuator in a joint coordinate q [MASS (33)-(35)], linear or with polynomials of degree three.
+
+    ``-(k x + k1 x^2 + k2 x^3) - (c + c1 |v| + c2 v^2) v + f(t)``, ``x = q - q0``, ``v = dq/dt``: the part of k1 is
+    even in x, all parts of the damper are odd in v. Springs that soften have a negative k1 or k2.
 
     Attributes
     ----------
@@ -123,6 +148,10 @@ class JointSpring:
         q0.
     actuator : Function or None
         f in N m or N over time in s.
+    higher_stiffness : tuple of up to two floats, N m/rad^2 and N m/rad^3, or N/m^2 and N/m^3
+        k1 and k2; what is left out is zero.
+    higher_damping : tuple of up to two floats, N m s^2/rad^2 and N m s^3/rad^3, or N s^2/m^2 and N s^3/m^3
+        c1 and c2; what is left out is zero.
     """
 
     name: str
@@ -132,6 +161,49 @@ class JointSpring:
     damping: float
     rest: float
     actuator: Function | None = None
+    higher_stiffness: tuple[float, ...] = ()
+    higher_damping: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("stiffness", "damping"):
+            higher = f"higher_{name}"
+            object.__setattr__(self, higher, _higher(getattr(self, higher), f"joint spring '{self.name}': {higher}"))
+
+    @property
+    def laws(self) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+        """Coefficients (k, k1, k2) of the spring and (c, c1, c2) of the damper."""
+        (k1, k2), (c1, c2) = ((*given, 0.0, 0.0)[:2] for given in (self.higher_stiffness, self.higher_damping))
+        return (self.stiffness, k1, k2), (self.damping, c1, c2)
+
+    @property
+    def higher(self) -> tuple[float, float, float, float]:
+        """Coefficients (k1, k2, c1, c2)."""
+        spring, damper = self.laws
+        return (*spring[1:], *damper[1:])
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether the effort is linear in coordinate and rate."""
+        return not any(self.higher)
+
+    def potential(self, q: Any) -> Any:
+        """Return the potential energy ``k x^2 / 2 + k1 x^3 / 3 + k2 x^4 / 4``, J, of one coordinate or an array."""
+        (k, k1, k2), x = self.laws[0], q - self.rest
+        return (0.5 * k + (k1 / 3.0 + 0.25 * k2 * x) * x) * x**2
+
+
+def _higher(given: Any, where: str) -> tuple[float, ...]:
+    """Return coefficients of the square and of the cube as floats, what is left out left out."""
+    remedy = "Give up to two finite numbers: the coefficients of the square and of the cube."
+    try:
+        found = tuple(float(x) for x in given)
+    except (TypeError, ValueError):
+        raise InvalidInput(where, f"{given!r} is no sequence of numbers", remedy) from None
+    if len(found) > 2:
+        raise InvalidInput(where, f"there are {len(found)} coefficients", remedy)
+    if not all(math.isfinite(x) for x in found):
+        raise InvalidInput(where, f"{found} is not finite", remedy)
+    return found
 
 
 def friction_law(rate: float, viscous: float, coulomb: float, speed: float) -> tuple[float, float]:

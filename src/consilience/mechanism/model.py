@@ -205,6 +205,8 @@ class Mechanism:
                 found.setdefault(feature, f"{what} '{element.name}'")
             if isinstance(element, Spring | JointSpring) and element.actuator is not None:
                 found.setdefault("actuator", f"{what} '{element.name}'")
+            if isinstance(element, JointSpring) and not element.is_linear:
+                found.setdefault("nonlinear joint spring", f"{what} '{element.name}'")
             if isinstance(element, Load) and element.history is not None:
                 found.setdefault("load in time", f"{what} '{element.name}'")
         return found

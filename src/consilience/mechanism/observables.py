@@ -126,7 +126,7 @@ def potential_energies(mechanism: Mechanism, motion: BodyMotion, q: Array) -> Ar
         p_j, _ = body_point(mechanism, motion, spring.successor, spring.point_successor)
         energy = energy + 0.5 * spring.stiffness * (np.linalg.norm(p_j - p_i, axis=-1) - spring.free_length) ** 2
     for joint_spring, q_joint in zip(mechanism.joint_springs, q, strict=True):
-        energy = energy + 0.5 * joint_spring.stiffness * (q_joint - joint_spring.rest) ** 2
+        energy = energy + joint_spring.potential(q_joint)
     return np.asarray(energy)
 
 

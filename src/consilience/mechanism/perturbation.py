@@ -38,7 +38,7 @@ OBLIQUE = np.array([1.0, 2.0, 3.0]) / np.sqrt(14.0)
 
 _COEFFICIENTS: dict[str, tuple[str, ...]] = {
     "springs": ("stiffness", "damping", "free_length", "actuator"),
-    "joint_springs": ("stiffness", "damping", "rest", "actuator"),
+    "joint_springs": ("stiffness", "damping", "rest", "actuator", "higher_stiffness", "higher_damping"),
     "loads": ("vector",),
     "frictions": ("viscous", "coulomb"),
     "controls": ("proportional", "integral", "derivative", "target"),
@@ -125,9 +125,11 @@ def physical_parameters(mechanism: Mechanism, start: State) -> Iterator[Physical
     for group, names in _COEFFICIENTS.items():
         for n, element in enumerate(getattr(mechanism, group)):
             for name in names:
-                if _acts(getattr(element, name)):
-                    of = f"{name.replace('_', ' ')} of {group.removesuffix('s').replace('_', ' ')} '{element.name}'"
-                    yield PhysicalParameter(COEFFICIENT, of, n, _of(group, n, name), group in _MOVING)
+                value, whose = getattr(element, name), f"{group.removesuffix('s').replace('_', ' ')} '{element.name}'"
+                for entry in range(len(value)) if isinstance(value, tuple) else (None,):
+                    if _acts(value if entry is None else value[entry]):
+                        of = name.replace("_", " ") + ("" if entry is None else f"[{entry}]") + f" of {whose}"
+                        yield PhysicalParameter(COEFFICIENT, of, n, _of(group, n, name, entry), group in _MOVING)
 
 
 def _acts(value: Any) -> bool:
@@ -144,12 +146,17 @@ def _scaled(value: Any, factor: float) -> Any:
     return Function(factor * value.polynomial, value.harmonics * (factor, 1.0, 1.0), table)
 
 
-def _of(group: str, n: int, name: str) -> Callable[[Mechanism, float], Mechanism]:
-    """Return the change of a field of the n-th part of a group; smaller, as a restitution of one cannot be larger."""
+def _of(group: str, n: int, name: str, entry: int | None = None) -> Callable[[Mechanism, float], Mechanism]:
+    """Return the change of a field of the n-th part of a group; smaller, as a restitution of one cannot be larger.
+
+    Of a field that is a tuple, one entry changes.
+    """
 
     def change(mechanism: Mechanism, size: float) -> Mechanism:
         parts = list(getattr(mechanism, group))
-        parts[n] = replace(parts[n], **{name: _scaled(getattr(parts[n], name), 1.0 - size)})
+        old, factor = getattr(parts[n], name), 1.0 - size
+        new = _scaled(old, factor) if entry is None else tuple(x * factor ** (k == entry) for k, x in enumerate(old))
+        parts[n] = replace(parts[n], **{name: new})
         return replace(mechanism, **{group: tuple(parts)})  # type: ignore[arg-type]
 
     return change

@@ -12,7 +12,7 @@ import numpy as np
 
 from consilience.mechanism.applied_forces import applied_wrenches
 from consilience.mechanism.constraints import free_directions
-from consilience.mechanism.elements import Friction, Spring
+from consilience.mechanism.elements import Friction, JointSpring, Spring
 from consilience.mechanism.model import Mechanism, State
 from consilience.mechanism.observables import SampledMotion, body_point, mass_matrix
 from consilience.mechanism.singular import move
@@ -39,6 +39,11 @@ def frictions_too_steep(mechanism: Mechanism) -> list[Friction]:
         return []
     sizes = {"distance": characteristic_length(mechanism)}
     return [f for f in mechanism.frictions if f.coulomb > 0.0 and f.speed < LEAST_SPEED * sizes.get(f.coordinate, 1.0)]
+
+
+def rough_dampers(mechanism: Mechanism) -> list[JointSpring]:
+    """Return the joint springs with a damping ``c1 |v| v``, whose second derivative jumps where v changes sign."""
+    return [s for s in mechanism.joint_springs if s.laws[1][1] != 0.0]
 
 
 def fastest_rate(mechanism: Mechanism, state: State, t: float = 0.0) -> float:

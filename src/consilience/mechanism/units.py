@@ -141,7 +141,14 @@ _FACTORS: dict[str, dict[str, str]] = {
         "free_length": "length",
         "actuator": "force",
     },
-    "joint_springs": {"stiffness": "stiffness", "damping": "damping", "rest": "coordinate", "actuator": "effort"},
+    "joint_springs": {
+        "stiffness": "stiffness",
+        "damping": "damping",
+        "rest": "coordinate",
+        "actuator": "effort",
+        "higher_stiffness": "stiffness / coordinate",
+        "higher_damping": "damping / |coordinate| / time",
+    },
     "loads": {"vector": "effort", "point": "length", "history": "one"},
     "frictions": {"viscous": "damping", "coulomb": "|effort|", "speed": "|coordinate| / time"},
     "controls": {
@@ -165,7 +172,8 @@ _FACTORS: dict[str, dict[str, str]] = {
     "stops": {"lower": "coordinate", "upper": "coordinate"},
     "dry_frictions": {"bound": "|effort|", "radius": "length"},
 }
-"""Dimension of each number, vector or function of each kind of element; see `_factors`."""
+"""Dimension of each number, vector or function of each kind of element; see `_factors`. Of a tuple of numbers: that of
+the number before the first, and by what each is divided once more than the one before."""
 
 
 def _factors(length: float, force: float, time: float, coordinate: float, effort: float) -> dict[str, float]:
@@ -233,6 +241,9 @@ def in_units(
             old = vars(element).get(name)
             if isinstance(old, Function):
                 new[name] = rescaled(old, factors[dimension], argument)
+            elif isinstance(old, tuple):
+                first, _, by = dimension.partition(" / ")
+                new[name] = tuple(x * factors[first] / factors[by] ** n for n, x in enumerate(old, start=1))
             elif isinstance(old, Compliance):
                 new[name] = Units(length, mass, time).convert(old)
             elif old is not None:

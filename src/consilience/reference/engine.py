@@ -28,6 +28,7 @@ from consilience.mechanism import (
     mass_properties,
     motion_units,
     own_units,
+    rough_dampers,
     telling_unit_of_time,
 )
 from consilience.reference.formulations import registry
@@ -46,6 +47,10 @@ _MANY = 24
 
 _OTHER = {"relative, Gauss": ("relative", "gauss", (1e-12,))}
 """Further motions that bound the uncertainty, by another integrator: formulation, integrator, tolerances."""
+
+_ROUGH = {"relative, Radau": ("relative", "radau13", (1e-12,))}
+"""The same of accelerations that are not smooth: Gauss collocation estimates its errors by the square of a difference,
+which is right for smooth ones."""
 
 _CONTACTS = "descriptor, contacts"
 """Method for mechanisms with contacts, stops or dry friction; for motions with the tolerances of `relative`."""
@@ -113,7 +118,7 @@ class ReferenceEngine:
             return tuple(_motion(name, tolerances) for name, tolerances in _LONG.items())
         return (
             *(_motion(name, tolerances) for name, tolerances in _MOTIONS.items()),
-            *(_motion(name, tolerances) for name, (_, _, tolerances) in _OTHER.items()),
+            *(_motion(name, ways[-1]) for name, ways in (_ROUGH if rough_dampers(mechanism) else _OTHER).items()),
         )
 
     def manifest(self, mechanism: Mechanism) -> Manifest:
@@ -159,7 +164,7 @@ class ReferenceEngine:
         refuse_steep_friction(mechanism)  # here, because the message names a speed
         units = motion_units(mechanism, times)
         own, start, grid = kept_in_units(mechanism, units), units.convert(state), np.asarray(times) * units.time
-        formulation, integrator, _ = _OTHER.get(method.name, (method.name, None, ()))
+        formulation, integrator, _ = (_OTHER | _ROUGH).get(method.name, (method.name, None, ()))
         step = step * units.time if method.substeps else step
         with telling_unit_of_time(units):
             found = simulate(own, start, grid, step, formulation, integrator)

@@ -24,6 +24,7 @@ from consilience.mechanism import (
     kinetic_energy,
     potential_energy,
     require_states,
+    rough_dampers,
     row_names,
     velocity_sizes,
 )
@@ -96,13 +97,15 @@ def simulate(
     ------
     InvalidInput
         Unknown formulation or integrator, tolerance out of range, times that do not increase, a state that is not
-        consistent, or a mechanism that the formulation cannot represent.
+        consistent, or a mechanism that the formulation cannot represent or the integrator cannot follow.
     NumericalFailure
         With the status of the integrator, or the time and the constraint that is violated beyond the tolerance.
     """
     require_states(mechanism, (state,))
     registry.refuse_contacts(mechanism)
     refuse_steep_friction(mechanism)
+    if integrator == "gauss":
+        _refuse_rough_dampers(mechanism)
     if assemble:
         t = float(sample_times(times)[0])
         state = assemble_velocities(mechanism, assemble_positions(mechanism, state, t=t), t=t)
@@ -129,6 +132,12 @@ def refuse_steep_friction(mechanism: Mechanism) -> None:
             f"{friction.speed:g} is too small: a joint that ought to stick creeps, and no step resolves it",
             f"Give {LEAST_SPEED:g} rad/s or characteristic lengths of the mechanism per second, or more.",
         )
+
+
+def _refuse_rough_dampers(mechanism: Mechanism) -> None:
+    for damper in rough_dampers(mechanism):
+        what = f"gauss cannot follow the damper of joint spring '{damper.name}', not smooth where it rests"
+        raise InvalidInput("integrator", what, "Use radau13, or leave it out.")
 
 
 def _simulate(

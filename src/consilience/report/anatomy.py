@@ -31,6 +31,7 @@ from consilience.mechanism import (
     free_directions,
     frictions_too_steep,
     joint_frames,
+    joint_spring_motion,
     scaled_jacobian,
     singular_pose,
     world_inertias,
@@ -111,7 +112,7 @@ def fastest(mechanism: Mechanism, state: State) -> tuple[float, str]:
     """Estimate the largest angular frequency of the motion, rad/s, and name its source: spin, a spring or gravity.
 
     A spring between two bodies counts with the frequency of the spring and the two bodies alone,
-    ``w^2 = k (1 / m_1 + 1 / m_2)`` with effective masses, or moments about the axis.
+    ``w^2 = k (1 / m_1 + 1 / m_2)`` with effective masses, or moments about the axis, and its stiffness k at the state.
     """
     found = [(float(np.max(np.linalg.norm(state.w_WB_W, axis=1), initial=0.0)), "the spin at the start")]
     found.append((float(np.sqrt(np.linalg.norm(mechanism.gravity) / characteristic_length(mechanism))), "gravity"))
@@ -130,7 +131,10 @@ def fastest(mechanism: Mechanism, state: State) -> tuple[float, str]:
         axis, p = frames.U[:, 2], body_point(mechanism, state, joint.successor, joint.M.p)[0]
         about = sprung.coordinate != "distance"
         soft = sum(_mobility(mechanism, state, n, p, axis, about) for n in (joint.predecessor, joint.successor))
-        found.append((float(np.sqrt(abs(sprung.stiffness) * soft)), f"joint spring '{sprung.name}'"))
+        x = joint_spring_motion(mechanism, state, sprung.joint, sprung.coordinate)[0] - sprung.rest
+        k, k1, k2 = sprung.laws[0]
+        stiffness = k + (2.0 * k1 + 3.0 * k2 * x) * x
+        found.append((float(np.sqrt(abs(stiffness) * soft)), f"joint spring '{sprung.name}'"))
     return max(found)
 
 

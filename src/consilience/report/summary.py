@@ -96,7 +96,12 @@ def describe_case(case: Case) -> str:
             f"spring {s.name}: {s.predecessor} - {s.successor}, {s.stiffness:g} N/m" + _powered(s)
             for s in mechanism.springs
         ),
-        *(f"joint spring {s.name}: about {s.joint}, {s.stiffness:g}" + _powered(s) for s in mechanism.joint_springs),
+        *(
+            f"joint spring {s.name}: about {s.joint}, {_powers(s.stiffness, s.higher_stiffness)}"
+            + (f", damping {_powers(s.damping, s.higher_damping)}" if any(s.higher_damping) else "")
+            + _powered(s)
+            for s in mechanism.joint_springs
+        ),
         *(_load(load) for load in mechanism.loads),
         *_elements(mechanism),
         "",
@@ -118,6 +123,11 @@ def _freedom(mechanism: Mechanism, state: State) -> list[str]:
         f"an engine needs: {', '.join(facts.features)}",
         *dependency_lines(facts.dependent, facts.undetermined, facts.singular),
     ]
+
+
+def _powers(first: float, higher: tuple[float, ...]) -> str:
+    """Coefficients of a law by degree; of a linear law the one number."""
+    return f"[{', '.join(f'{x:g}' for x in (first, *higher))}]" if any(higher) else f"{first:g}"
 
 
 def _powered(spring: Spring | JointSpring) -> str:

@@ -67,7 +67,18 @@ def _common(rng: np.random.Generator) -> Mechanism:
 
 
 def _with_all_elements(rng: np.random.Generator) -> Mechanism:
-    return random_mechanism(_seed(rng), _bodies(rng), Recipe(plain=False))
+    seed = _seed(rng)
+    return with_nonlinear_springs(random_mechanism(seed, _bodies(rng), Recipe(plain=False)), seed)
+
+
+def with_nonlinear_springs(mechanism: Mechanism, seed: int, share: float = 0.3) -> Mechanism:
+    """Give a share of the joint springs coefficients of higher degree, at random; large angles harden the springs."""
+    rng, springs = np.random.default_rng([seed, 2]), []
+    for spring in mechanism.joint_springs:
+        k1, k2, c1, c2 = rng.normal(), rng.uniform(0.1, 1.0), rng.uniform(0.0, 0.5), rng.uniform(0.0, 0.2)
+        higher = replace(spring, higher_stiffness=(k1, k2), higher_damping=(c1, c2))
+        springs.append(higher if rng.random() < share else spring)
+    return replace(mechanism, joint_springs=tuple(springs))
 
 
 def _of_unequal_masses(rng: np.random.Generator) -> Mechanism:

@@ -149,6 +149,11 @@ def _number(x: float, choice: int) -> float:
     return float(f"{x:.{choice - 1}e}")
 
 
+def _higher(given: Sequence[float], choice: int) -> float | list[float]:
+    """Simplify coefficients of several degrees: to the first alone, or each by `_number`."""
+    return _number(given[0], choice) if choice == 0 else [_number(x, choice) for x in given]
+
+
 def _vector(v: Sequence[float], choice: int) -> list[float]:
     """Round a vector: to zero, to integers, to one decimal."""
     return [0.0 if choice == 0 else round(x, choice - 1) + 0.0 for x in v]
@@ -256,7 +261,8 @@ def _element(entry: TomlTable, choice: int) -> None:
     _places(entry, choice)
     for field in _NUMBERS:
         if field in entry:
-            entry[field] = _number(entry[field], choice)
+            given = entry[field]
+            entry[field] = _higher(given, choice) if isinstance(given, list) else _number(given, choice)
     if "vector" in entry:
         entry["vector"] = [0.0, 0.0, 1.0] if choice == 0 else _vector(entry["vector"], choice)
     for field in _FUNCTIONS:

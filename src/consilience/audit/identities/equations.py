@@ -282,7 +282,10 @@ class Equations:
         weight = sum(b.mass for b in mechanism.bodies) * float(np.linalg.norm(mechanism.gravity))
         springs = sum(abs(s.stiffness) * (far + abs(s.free_length)) ** 2 for s in mechanism.springs)
         widest = {"distance": far, "angle": np.pi}
-        turned = sum(abs(s.stiffness) * (widest[s.coordinate] + abs(s.rest)) ** 2 for s in mechanism.joint_springs)
+        turned = 0.0
+        for s in mechanism.joint_springs:
+            (k, k1, k2), reach = s.laws[0], widest[s.coordinate] + abs(s.rest)
+            turned += (abs(k) + (abs(k1) + abs(k2) * reach) * reach) * reach**2
         return weight * 2.0 * far + springs + turned
 
     def rows_without_reactions(self) -> Array:

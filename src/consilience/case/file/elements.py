@@ -19,6 +19,7 @@ from consilience.case.file.schema import (
     CouplingTable,
     ForceTable,
     FrictionTable,
+    JointSpringTable,
     RollingTable,
     SkateTable,
     SpringTable,
@@ -84,7 +85,7 @@ def elements(table: CaseTable, drawing: DrawnFrames, problems: list[InvalidInput
 
     return {
         "springs": made(lambda s: _spring(s, drawing), table.spring),
-        "joint_springs": made(lambda s: _element(JointSpring, "joint spring", s), table.joint_spring),
+        "joint_springs": made(_joint_spring, table.joint_spring),
         "loads": (
             *made(lambda f: _force(f, drawing), table.force),
             *made(lambda t: _element(Load, "torque", t, kind="torque", point=np.zeros(3)), table.torque),
@@ -139,6 +140,12 @@ def _spring(s: SpringTable, drawing: DrawnFrames) -> Any:
         point_predecessor=_point(drawing, s.predecessor, s.at, f"{where}: predecessor"),
         point_successor=_point(drawing, s.successor, s.to, f"{where}: successor"),
     )
+
+
+def _joint_spring(s: JointSpringTable) -> Any:
+    (k, *higher_stiffness), (c, *higher_damping) = s.stiffness, s.damping
+    higher = {"higher_stiffness": tuple(higher_stiffness), "higher_damping": tuple(higher_damping)}
+    return _element(JointSpring, "joint spring", s, stiffness=k, damping=c, **higher)
 
 
 def _friction(f: FrictionTable) -> Any:

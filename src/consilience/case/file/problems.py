@@ -131,7 +131,9 @@ def _location(raw: Any, loc: tuple[int | str, ...]) -> str:
     text = ""
     for part in loc:
         if isinstance(part, int):
-            entry = raw[part] if isinstance(raw, list) and part < len(raw) else None
+            if not isinstance(raw, list):  # one number in place of a list
+                continue
+            entry = raw[part] if part < len(raw) else None
             name = entry.get("name") if isinstance(entry, dict) else None
             text += f" '{name}'" if isinstance(name, str) else f"[{part}]"
             raw = entry

@@ -19,6 +19,7 @@ from consilience.case.file.values import (
     Name,
     Orientation,
     Positive,
+    Powers,
     TableModel,
     Text,
     Triple,
@@ -107,10 +108,17 @@ class SpringTable(TableModel):
 
 
 class JointSpringTable(InJoint):
-    """Spring-damper-actuator about or along the axis of a joint."""
+    """Spring-damper-actuator about or along the axis of a joint, linear or with polynomials of degree three.
 
-    stiffness: Finite = Field(description="N m/rad or N/m.")
-    damping: Finite = Field(0.0, description="N m s/rad or N s/m.")
+    ``-(k x + k1 x^2 + k2 x^3) - (c + c1 |v| + c2 v^2) v + f(t)``, x: coordinate less the rest, v: its rate.
+    """
+
+    stiffness: Powers = Field(description="k, N m/rad or N/m; or [k, k1, k2], each per a further rad or m.")
+    damping: Powers = Field(
+        0.0,  # checked, and then a list
+        validate_default=True,
+        description="c, N m s/rad or N s/m; or [c, c1, c2], each per a further rad/s or m/s.",
+    )
     rest: Finite = Field(0.0, description="Coordinate at which the spring is free, rad or m.")
     actuator: FunctionTable | None = Field(None, description="Effort on the successor over time, N m or N.")
 

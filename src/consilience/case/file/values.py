@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema, model_validator
 
 from consilience.errors import visible
 from consilience.mechanism import (
@@ -32,9 +32,19 @@ def _printable(text: str) -> str:
     return text
 
 
+_FINITE = {"type": "number", "minimum": -LARGEST, "maximum": LARGEST}
+"""JSON Schema of `Finite`."""
+
 Finite = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, le=LARGEST, allow_inf_nan=False)]
 Triple = Annotated[list[Finite], Field(min_length=3, max_length=3)]
+Powers = Annotated[
+    list[Finite],
+    Field(min_length=1, max_length=3),
+    BeforeValidator(lambda given: given if isinstance(given, list) else [given]),
+    WithJsonSchema({"anyOf": [_FINITE, {"type": "array", "items": _FINITE, "minItems": 1, "maxItems": 3}]}),
+]
+"""A number, or a list of it and the coefficients of the square and of the cube."""
 Quaternion = Annotated[list[Finite], Field(min_length=4, max_length=4)]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=64)]
 Text = Annotated[str, Field(max_length=20_000), AfterValidator(_printable)]

@@ -34,6 +34,7 @@ from consilience.mechanism import (
     Function,
     Initial,
     Joint,
+    JointSpring,
     Load,
     Mechanism,
     PointPlane,
@@ -224,6 +225,12 @@ def _load(load: Load, mechanism: Mechanism) -> TomlTable:
     return table | _given("history", load.history)
 
 
+def _powers(s: JointSpring) -> TomlTable:
+    """Stiffness and damping, each a number, or a list where there are coefficients of higher degree."""
+    given = {"stiffness": (s.stiffness, s.higher_stiffness), "damping": (s.damping, s.higher_damping)}
+    return {name: [float(k), *higher] if higher else float(k) for name, (k, higher) in given.items()}
+
+
 def _in_joint(element: Any, *names: str) -> TomlTable:
     return _copied(element, "joint", "coordinate", *names)
 
@@ -244,7 +251,7 @@ def _elements(m: Mechanism) -> dict[str, list[TomlTable]]:
             for s in m.springs
         ],
         "joint_spring": [
-            _in_joint(s, "stiffness", "damping", "rest") | _given("actuator", s.actuator) for s in m.joint_springs
+            _in_joint(s) | _powers(s) | _copied(s, "rest") | _given("actuator", s.actuator) for s in m.joint_springs
         ],
         "force": [_load(load, m) for load in m.loads if load.kind == "force"],
         "torque": [_load(load, m) for load in m.loads if load.kind == "torque"],

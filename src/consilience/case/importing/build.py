@@ -170,7 +170,7 @@ class _Builder:
         A row that is no joint of a case is divided, too.
         """
         needed = {m for law in self.parts.laws for m in (law.motion, law.driver)}
-        needed |= {m.name for p in self.parts.pieces for m in p.motions if m.stiffness or m.damping}
+        needed |= {m.name for p in self.parts.pieces for m in p.motions if m.sprung or m.damped}
         for piece in self.parts.pieces:
             if not piece.motions or shares[piece.name][0] == 0.0:
                 continue
@@ -334,14 +334,17 @@ class _Builder:
 
     def _joint_springs(self, coordinates: dict[str, tuple[str, str, float]]) -> Iterable[JointSpring]:
         """Yield springs and dampers of joints; note those whose joint has no such coordinate in the case."""
-        present = [m for p in self.parts.pieces for m in p.motions if m.stiffness or m.damping]
-        wanted = {m.name: f"{m.name}_{'spring' if m.stiffness else 'damper'}" for m in present}
+        present = [m for p in self.parts.pieces for m in p.motions if m.sprung or m.damped]
+        wanted = {m.name: f"{m.name}_{'spring' if m.sprung else 'damper'}" for m in present}
         titles = usable_names(wanted, "spring", Notes(), self.taken["element"])
         for motion in present:
             if motion.name in coordinates:
                 joint, coordinate, sign = coordinates[motion.name]
                 name = titles[motion.name]
-                yield JointSpring(name, joint, coordinate, motion.stiffness, motion.damping, sign * motion.rest)
+                law = motion.stiffness, motion.damping, sign * motion.rest
+                # k1 belongs to an effort even in the coordinate; what belongs to k2, c1 and c2 is odd
+                stiffness = tuple(k * sign**n for n, k in enumerate(motion.higher_stiffness, start=1))
+                yield JointSpring(name, joint, coordinate, *law, None, stiffness, motion.higher_damping)
             else:
                 self.notes.add(NO_COORDINATE, motion.name)
 

@@ -2,7 +2,7 @@
 
 from consilience.engine.native.elements import (
     ELEMENTS,
-    FRICTION,
+    LAWS,
     ROLLING,
     ROWS,
     SOLVE,
@@ -16,8 +16,8 @@ from consilience.engine.native.script import JET, function_data, literal, script
 
 __all__ = [
     "ELEMENTS",
-    "FRICTION",
     "JET",
+    "LAWS",
     "ROLLING",
     "ROWS",
     "SOLVE",

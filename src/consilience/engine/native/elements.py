@@ -1,7 +1,7 @@
 """Elements of a mechanism as data and code of an exported script, for engines without such elements.
 
-Exported scripts do not import this package: they contain the source of `friction_law` and `rolling_contact`. A script
-defines, for each moving frame of its engine (`owner`, by name):
+Exported scripts do not import this package: they contain the source of `friction_law`, `spring_damper_law` and
+`rolling_contact`. A script defines, for each moving frame of its engine (`owner`, by name):
 
 - ``pose(owner)``: origin and axes in the world;
 - ``jacobian(owner, p)``: of the velocity of a point p in axes of the owner and of the angular velocity, (6, n), world;
@@ -22,7 +22,7 @@ from typing import Any
 from consilience.engine.harness_solvers import solve_constrained
 from consilience.engine.native.script import function_data
 from consilience.errors import InvalidInput
-from consilience.mechanism import Array, Function, Mechanism, friction_law, rolling_contact
+from consilience.mechanism import Array, Function, Mechanism, friction_law, rolling_contact, spring_damper_law
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Places:
     axis : callable
         From joint and coordinate: the place of the coordinate for the script, often owner and sign.
     own_springs : bool
-        The engine has springs and dampers of joints; only the actuators are data.
+        The engine has linear springs and dampers of joints; only the actuators and what is not linear are data.
     """
 
     frame: Callable[[str], list[Any]]
@@ -79,12 +79,13 @@ def _forces(m: Mechanism, at: Places) -> dict[str, Any]:
 
 
 def _efforts(m: Mechanism, at: Places) -> dict[str, Any]:
-    linear: list[dict[str, Any]] = []
+    efforts: list[dict[str, Any]] = []
     for s in m.joint_springs:
-        own = {} if at.own_springs else {"k": s.stiffness, "c": s.damping, "rest": s.rest}
+        spring, damper = ((0.0, *law[1:]) if at.own_springs else law for law in s.laws)
+        own = {"spring": spring, "damper": damper, "rest": s.rest} if any((*spring, *damper)) else {}
         if own or s.actuator:
-            linear.append({"axis": at.axis(s.joint, s.coordinate), **own, "f": _law(s.actuator)})
-    linear += [
+            efforts.append({"axis": at.axis(s.joint, s.coordinate), **own, "f": _law(s.actuator)})
+    efforts += [
         {"axis": at.axis(f.joint, f.coordinate), "friction": [f.viscous, f.coulomb, f.speed]} for f in m.frictions
     ]
     controls = [
@@ -97,7 +98,7 @@ def _efforts(m: Mechanism, at: Places) -> dict[str, Any]:
         }
         for c in m.controls
     ]
-    return {"EFFORTS": linear, "CONTROLS": controls}
+    return {"EFFORTS": efforts, "CONTROLS": controls}
 
 
 def row_data(m: Mechanism, axis: Callable[[str, str], list[Any]]) -> dict[str, Any]:
@@ -140,8 +141,8 @@ def element_data(mechanism: Mechanism, at: Places) -> dict[str, Any]:
     return bodies | _forces(mechanism, at) | _efforts(mechanism, at) | row_data(mechanism, at.axis)
 
 
-FRICTION = "\n" + getsource(friction_law)
-"""Source of `friction_law`; the script imports math."""
+LAWS = "\n" + getsource(friction_law) + "\n\n" + getsource(spring_damper_law)
+"""Source of `friction_law` and `spring_damper_law`; the script imports math."""
 
 ROLLING = (
     "\ncross = np.cross\n\n\n"
@@ -178,7 +179,7 @@ def applied(t, integrals):
         tau += jacobian(owner, np.array(p))[rows].T @ vector
     for e in EFFORTS:
         value, rate, row, _ = coordinate(*e["axis"])
-        effort = -e.get("k", 0.0) * (value - e.get("rest", 0.0)) - e.get("c", 0.0) * rate
+        effort = spring_damper_law(value - e["rest"], rate, e["spring"], e["damper"])[0] if "rest" in e else 0.0
         effort += jet(e["f"], t)[0] if e.get("f") else 0.0
         effort += friction_law(rate, *e["friction"])[0] if "friction" in e else 0.0
         tau += effort * row
@@ -247,7 +248,7 @@ def held(t):
 )
 """Source of ``held(t)`` and of its rows one by one; the script imports math and NumPy, and contains `JET`."""
 
-ELEMENTS = FRICTION + "\n" + _APPLIED + "\n" + ROWS
+ELEMENTS = LAWS + "\n" + _APPLIED + "\n" + ROWS
 """Source of ``applied(t, integrals)`` and ``held(t)``."""
 
 SOLVE = "\n" + getsource(solve_constrained)

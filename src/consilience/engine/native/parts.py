@@ -29,6 +29,8 @@ class NativeJoint:
         Place and unit axis in the drawing.
     stiffness, damping, rest : float
         Of a spring in the joint coordinate, SI.
+    higher_stiffness, higher_damping : tuple of float
+        As of `JointSpring`.
     """
 
     name: str
@@ -38,6 +40,18 @@ class NativeJoint:
     stiffness: float = 0.0
     damping: float = 0.0
     rest: float = 0.0
+    higher_stiffness: tuple[float, ...] = ()
+    higher_damping: tuple[float, ...] = ()
+
+    @property
+    def sprung(self) -> bool:
+        """Whether the joint has a spring."""
+        return any((self.stiffness, *self.higher_stiffness))
+
+    @property
+    def damped(self) -> bool:
+        """Whether the joint has a damper."""
+        return any((self.damping, *self.higher_damping))
 
 
 @dataclass(frozen=True, eq=False)

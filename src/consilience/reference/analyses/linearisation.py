@@ -6,13 +6,25 @@ Also the spectrum, differences and modes that `steady_motion` shares.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from consilience.errors import InvalidInput
-from consilience.mechanism import Array, Mechanism, State, assemble_positions, free_directions, move
+from consilience.mechanism import (
+    Array,
+    Friction,
+    JointSpring,
+    Mechanism,
+    State,
+    assemble_positions,
+    free_directions,
+    friction_law,
+    joint_spring_motion,
+    move,
+    spring_damper_law,
+)
 from consilience.reference.analyses.joint_rows import with_velocities
 from consilience.reference.analyses.statics import (
     require_equilibrium,
@@ -110,8 +122,9 @@ def linearise(mechanism: Mechanism, equilibrium: State) -> Linearisation:
     ``dy'' = -M^-1 (K dy + D dy')`` by differences of accelerations at consistent states, so that K includes the
     contribution of reactions. K: central differences at three steps, the largest 0.003 rad or lengths, extrapolated to
     the sixth order (Richardson). D: one central difference, exact because accelerations are of second degree in the
-    velocities. M: minimal form ``J^T M J`` [C4 (4.99)-(4.110)]. Angles of joint springs are in (-pi, pi] at the
-    equilibrium. Forces that are not differentiable (a spring of zero length) have no linearisation.
+    velocities once dampers and friction in joints are replaced by their tangents. M: minimal form ``J^T M J`` [C4
+    (4.99)-(4.110)]. Angles of joint springs are in (-pi, pi] at the equilibrium. Forces that are not differentiable (a
+    spring of zero length) have no linearisation.
     """
     if np.any(equilibrium.v_WB_W) or np.any(equilibrium.w_WB_W):
         raise InvalidInput("equilibrium", "the state moves", "Give a state of rest, for example of static_equilibrium.")
@@ -214,11 +227,30 @@ def _by_position(mechanism: Mechanism, equilibrium: State, N: Array) -> Array:
 def _by_velocity(mechanism: Mechanism, equilibrium: State, N: Array) -> Array:
     """Return ``dy''/dy'``, shape (d, d)."""
     columns = []
+    mechanism = with_tangent_dampers(mechanism, equilibrium)
     for direction in N.T:
         moving = [with_velocities(equilibrium, sign * direction) for sign in (1.0, -1.0)]
         ahead, behind = _accelerations(mechanism, equilibrium, moving) @ N
         columns.append(0.5 * (ahead - behind))
     return np.array(columns).reshape(N.shape[1], N.shape[1]).T
+
+
+def with_tangent_dampers(mechanism: Mechanism, state: State) -> Mechanism:
+    """Return the mechanism with linear dampers in place of nonlinear ones and of friction, of their slopes at a state.
+
+    Their efforts at the state itself are others.
+    """
+
+    def spring(s: JointSpring) -> JointSpring:
+        _, rate = joint_spring_motion(mechanism, state, s.joint, s.coordinate)
+        return replace(s, damping=spring_damper_law(0.0, rate, *s.laws)[1], higher_damping=())
+
+    def friction(f: Friction) -> Friction:
+        _, rate = joint_spring_motion(mechanism, state, f.joint, f.coordinate)
+        return replace(f, viscous=friction_law(rate, f.viscous, f.coulomb, f.speed)[1], coulomb=0.0)
+
+    springs = tuple(s if s.is_linear else spring(s) for s in mechanism.joint_springs)
+    return replace(mechanism, joint_springs=springs, frictions=tuple(friction(f) for f in mechanism.frictions))
 
 
 def _shortest_length(mechanism: Mechanism, state: State) -> float:

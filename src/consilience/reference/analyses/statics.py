@@ -122,7 +122,8 @@ def force_scale(mechanism: Mechanism, state: State) -> float:
         scale += abs(s.stiffness) * (spring_length(mechanism, state, s) + abs(s.free_length))
     for k in mechanism.joint_springs:
         q, _ = joint_spring_motion(mechanism, state, k.joint, k.coordinate)
-        scale += abs(k.stiffness) * (abs(q) + abs(k.rest))
+        reach, (_, k1, k2) = abs(q) + abs(k.rest), k.laws[0]
+        scale += (abs(k.stiffness) + (abs(k1) + abs(k2) * reach) * reach) * reach
     return scale
 
 

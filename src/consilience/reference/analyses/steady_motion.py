@@ -16,7 +16,7 @@ to first order, xi and dw in precessing axes of F (Magnus, Kreisel, 1971; Landau
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
@@ -51,6 +51,7 @@ from consilience.reference.analyses.linearisation import (
     normalised_modes,
     solver_accelerations,
     upper_half_plane,
+    with_tangent_dampers,
 )
 from consilience.reference.analyses.placing import require_holonomic
 from consilience.reference.analyses.statics import force_scale
@@ -143,8 +144,9 @@ def linearise_steady_motion(mechanism: Mechanism, state: State, cyclic: Sequence
     Notes
     -----
     df/dq: central differences of assembled states, extrapolated to the sixth order; df/du: one difference, exact
-    because accelerations are of second degree in the speeds. An integration over one radian of the fastest coordinate
-    checks that the motion stays steady. Angles of joint springs are in (-pi, pi] at the state.
+    because accelerations are of second degree in the speeds, with tangents of dampers and friction in joints. An
+    integration over one radian of the fastest coordinate checks that the motion stays steady. Angles of joint springs
+    are in (-pi, pi] at the state.
     """
     why = "it holds velocities: perturbations of positions and of speeds differ in number"
     require_holonomic(mechanism, why, "Differentiate accelerations along the motion.")
@@ -317,6 +319,7 @@ def _by_position(point: _SteadyPoint, N: Array, rows: Array) -> tuple[Array, Arr
 def _by_speed(point: _SteadyPoint, rows: Array) -> Array:
     """Return ``df/du``, shape (d, d)."""
     size = max(1.0, float(np.max(np.abs(point.u), initial=0.0)))
+    point = replace(point, mechanism=with_tangent_dampers(point.mechanism, point.state))
     columns = []
     for direction in np.eye(len(rows)):
         moving = [_moving(point, point.state, rows, point.u[rows] + s * size * direction) for s in (1.0, -1.0)]

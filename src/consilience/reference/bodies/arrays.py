@@ -144,7 +144,9 @@ def _force_arrays(mechanism: Mechanism, number: _Numbers) -> dict[str, Array]:
         )
         for s in mechanism.springs
     ]
-    joint_springs = [(of(s), function(s.actuator), s.stiffness, s.damping, s.rest) for s in mechanism.joint_springs]
+    joint_springs = [
+        (of(s), function(s.actuator), s.stiffness, s.damping, s.rest, s.higher) for s in mechanism.joint_springs
+    ]
     frictions = [(of(f), f.viscous, f.coulomb, f.speed) for f in mechanism.frictions]
     controls = [(of(c), function(c.target), c.proportional, c.integral, c.derivative) for c in mechanism.controls]
     loads = [
@@ -193,7 +195,8 @@ def _length(joints: tuple[Joint, ...], arrays: dict[str, Array]) -> float:
 def _counted(coordinate: Array, elements: dict[str, Array]) -> Array:
     """Mark the angles whose value is read; actuators and friction read rates alone."""
     springs, couplings = elements["joint_spring"], elements["coupling"]
-    readers = springs[springs["stiffness"] != 0.0], elements["control"], elements["drive"], couplings
+    stiff = (springs["stiffness"] != 0.0) | np.any(springs["higher"][:, :2] != 0.0, axis=1)
+    readers = springs[stiff], elements["control"], elements["drive"], couplings
     read = np.concatenate([*(reader["coordinate"] for reader in readers), couplings["driver"]])
     return np.isin(np.arange(len(coordinate)), read) & (coordinate["kind"] == ANGLE)
 

@@ -69,6 +69,26 @@ def friction_effort(law: Vector, rate: float) -> float:
     return -law[0] * rate - law[1] * np.tanh(rate / law[2])
 
 
+@fused
+def joint_spring_effort(push: float, law: Vector, higher: Array, q: float, rate: float) -> float:
+    """Return the effort ``f(t) - (k x + k1 x^2 + k2 x^3) - (c + c1 |v| + c2 v^2) v`` of a joint spring.
+
+    Parameters
+    ----------
+    push : float, N or N m
+        Effort f of the actuator.
+    law : (k, c, q0)
+    higher : ndarray, shape (4,)
+        k1, k2, c1 and c2.
+    q, rate : float
+        Coordinate, ``x = q - q0``, and its rate v.
+    """
+    x, speed = q - law[2], abs(rate)
+    stiffness = law[0] + (higher[0] + higher[1] * x) * x
+    damping = law[1] + (higher[2] + higher[3] * speed) * speed
+    return push - stiffness * x - damping * rate
+
+
 @inlined
 def _joint_elements(model: Model, t: float, y: Array, turns: Array, ws: Workspace) -> None:
     """Add the efforts of joint springs, friction and controllers.
@@ -81,8 +101,8 @@ def _joint_elements(model: Model, t: float, y: Array, turns: Array, ws: Workspac
     for n in range(model.joint_spring.shape[0]):
         spring = model.joint_spring[n]
         q = coordinate(model, y, ws.A, spring.coordinate, turns[spring.coordinate])
-        actuator = _factor(model, spring.actuator, t, 0.0)
-        _add_effort(ws.f, ws.A, q, actuator - spring.stiffness * (q.value - spring.rest) - spring.damping * q.rate)
+        push, law = _factor(model, spring.actuator, t, 0.0), (spring.stiffness, spring.damping, spring.rest)
+        _add_effort(ws.f, ws.A, q, joint_spring_effort(push, law, spring.higher, q.value, q.rate))
     for n in range(model.friction.shape[0]):
         c, law = model.friction[n].coordinate, model.friction[n]
         q = coordinate(model, y, ws.A, c, turns[c])

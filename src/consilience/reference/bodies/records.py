@@ -35,7 +35,12 @@ SPRING = record_type(
 """Spring and damper between two points."""
 
 JOINT_SPRING = record_type(
-    ("coordinate", INT), ("actuator", INT), ("stiffness", float), ("damping", float), ("rest", float)
+    ("coordinate", INT),
+    ("actuator", INT),
+    ("stiffness", float),
+    ("damping", float),
+    ("rest", float),
+    ("higher", float, 4),  # k1, k2, c1 and c2: coefficients of the squares and cubes
 )
 """Spring and damper in a joint coordinate."""
 

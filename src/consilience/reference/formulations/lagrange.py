@@ -6,7 +6,8 @@ Second kind, for the joint coordinates y of a spanning tree:
     d/dt dT/dy' - dT/dy = q_gen                            (4.114)
     q_gen = - dV/dy - dD/dy' + sum_k t_k . dx_k/dy         (4.115), (4.116)
 
-V: potential of gravity, springs and joint springs. D = sum 1/2 c L'^2: Rayleigh's dissipation function of all dampers.
+V: potential of gravity, springs and joint springs. D: Rayleigh's dissipation function of all dampers, 1/2 c L'^2 of a
+linear one, 1/2 c v^2 + 1/3 c1 |v|^3 + 1/4 c2 v^4 of a joint.
 Loads t_k = (f, l) act by their virtual work: a force on its point x, a torque on dw/dy'. Loops are cut; the rows
 g(t, y) = 0 of cut joints hold with multipliers (first kind):
 
@@ -135,8 +136,9 @@ class _LagrangianSystem:
             D += 0.5 * spring.damping * self.poses.rate(L) ** 2
         for joint_spring in self.mechanism.joint_springs:
             q = self._extension(joint_spring)
-            V += 0.5 * joint_spring.stiffness * (q - joint_spring.rest) ** 2
-            D += 0.5 * joint_spring.damping * self.poses.rate(q) ** 2
+            V += joint_spring.potential(q)
+            (c, c1, c2), rate = joint_spring.laws[1], self.poses.rate(q)
+            D += 0.5 * c * rate**2 + c1 * ca.fabs(rate) ** 3 / 3.0 + c2 * rate**4 / 4.0
         return self._work_of_loads() - ca.gradient(V, x) - ca.gradient(D, x_dot)
 
     def _work_of_loads(self) -> Expression:

@@ -173,8 +173,8 @@ def _energies(by: InstantArrays, values: InstantValues, n: int) -> None:
         potential += 0.5 * spring.stiffness * (np.sqrt(dot(d, d)) - spring.rest) ** 2
     for k in range(model.joint_spring.shape[0]):
         spring = model.joint_spring[k]
-        q = coordinate(model, y, A, spring.coordinate, 0.0).value
-        potential += 0.5 * spring.stiffness * (q - spring.rest) ** 2
+        x = coordinate(model, y, A, spring.coordinate, 0.0).value - spring.rest
+        potential += (0.5 * spring.stiffness + (spring.higher[0] / 3.0 + 0.25 * spring.higher[1] * x) * x) * x**2
     values.energy[n, 0], values.energy[n, 1] = kinetic, potential
 
 

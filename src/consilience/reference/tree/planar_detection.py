@@ -286,6 +286,7 @@ def _joint_forces(model: Model, sets: tuple[int, ...], first: int, first_integra
         rows["kind"], rows["i"] = kind, first + elements["coordinate"]
         rows["function"] = elements[function] if function else -1
         rows["law"] = np.stack([elements[name] for name in law], axis=-1)
+        rows["higher"] = elements["higher"] if kind == JOINT_SPRING else 0.0
         rows["j"] = first_integral + np.arange(elements.shape[-1]) if kind == CONTROL else 0
         found.append(rows)
     return found

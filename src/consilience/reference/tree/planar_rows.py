@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from consilience.mechanism import Array
-from consilience.reference.bodies.forces import friction_effort, spring_force
+from consilience.reference.bodies.forces import friction_effort, joint_spring_effort, spring_force
 from consilience.reference.bodies.joint_rows import full_turns
 from consilience.reference.kernel import functions
 from consilience.reference.kernel.compiled import fused, inner, kernel
@@ -248,13 +248,24 @@ def _load(force_table: Array, n: int, link: Array, factor: float) -> None:
 
 
 @inner
-def _joint_force(kind: float, law: PlanarVector, q: PlanarRow, given: PlanarVector, integral: float) -> float:
+def _joint_force(
+    kind: float, law: PlanarVector, higher: Array, q: PlanarRow, given: PlanarVector, integral: float
+) -> float:
     """Return the force of a spring, of friction or of a controller in a joint coordinate.
 
-    `given` holds value and rate of the element's function of time.
+    Parameters
+    ----------
+    kind, law, higher
+        Fields of a PLANAR_FORCE.
+    q : PlanarRow
+        The coordinate.
+    given : PlanarVector
+        Value and rate of the element's function of time.
+    integral : float
+        Of a controller.
     """
     if kind == JOINT_SPRING:
-        return given[0] - law[0] * (q.value - law[2]) - law[1] * q.rate
+        return joint_spring_effort(given[0], law, higher, q.value, q.rate)
     if kind == FRICTION:
         return friction_effort(law, q.rate)
     return law[0] * (given[0] - q.value) + law[1] * integral + law[2] * (given[1] - q.rate)
@@ -275,7 +286,7 @@ def add_force_biases(planar: PlanarArrays, link: Array, t: float, z: Array) -> N
         else:
             q = evaluate_row(row_table, force_table[n].i, link, z)
             integral = z[force_table[n].j] if kind == CONTROL else 0.0
-            found = _joint_force(kind, load(force_table[n].law), q, given, integral)
+            found = _joint_force(kind, load(force_table[n].law), force_table[n].higher, q, given, integral)
             _add_to_bias(link, q.i, found, q.on_i)
             _add_to_bias(link, q.j, found, q.on_j)
 

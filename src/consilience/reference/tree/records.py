@@ -154,6 +154,7 @@ PLANAR_FORCE = record_type(
     ("j", INT),  # link; index of an integral in z
     ("function", INT),  # function of time; -1: none
     ("law", float, 3),  # constants of the law; of a load: force and torque
+    ("higher", float, 4),  # of a joint spring: coefficients of the squares and cubes
     ("arm_i", float, 2),  # from the centres of mass
     ("arm_j", float, 2),
     ("normal_distance", float),  # of the ends of a spring, along the normal
