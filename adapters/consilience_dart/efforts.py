@@ -1,4 +1,4 @@
-"""Efforts in joint coordinates (actuators of joint springs, friction, control) as forces of DART's joints.
+"""Efforts in joint coordinates (what DART lacks of joint springs, friction, control) as forces of DART's joints.
 
 DART treats the force of a joint explicitly and its damper implicitly in the time step. An effort ``f(q')`` with the
 slope ``df/dq' = -c`` is split into the damper c and the force ``f + c q'``. At time step zero the two sum to f; in
@@ -11,7 +11,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from consilience.mechanism import Array, Control, Friction, Function, friction_law
+from consilience.engine import nonlinear_part
+from consilience.mechanism import Array, Control, Friction, Function, JointSpring, friction_law, spring_damper_law
 from consilience_dart.translation import Axis, Model
 
 Law = Callable[[float, float, float], tuple[float, float]]
@@ -22,6 +23,17 @@ Effort = tuple[Axis, Law]
 
 def _actuator(motion: Function) -> Law:
     return lambda t, q, rate: (float(motion.at(t)[0]), 0.0)
+
+
+def _higher(spring: JointSpring) -> Law:
+    """Return the law of a joint spring without its linear part, which DART has."""
+    stiffness, damping = nonlinear_part(spring).laws
+
+    def law(t: float, q: float, rate: float) -> tuple[float, float]:
+        effort, slope = spring_damper_law(q - spring.rest, rate, stiffness, damping)
+        return effort, max(slope, 0.0)
+
+    return law
 
 
 def _friction(friction: Friction) -> Law:
@@ -49,9 +61,16 @@ def efforts(model: Model, integrals: Array) -> list[Effort]:
     m = model.mechanism
     return [
         *((model.axes[s.joint, s.coordinate], _actuator(s.actuator)) for s in m.joint_springs if s.actuator),
+        *((model.axes[s.joint, s.coordinate], _higher(s)) for s in m.joint_springs if not s.is_linear),
         *((model.axes[f.joint, f.coordinate], _friction(f)) for f in m.frictions),
         *((model.axes[c.joint, c.coordinate], _control(c, integrals, n)) for n, c in enumerate(m.controls)),
     ]
+
+
+def nonlinear_energy(model: Model) -> float:
+    """Return the potential energy in J of joint springs without their linear parts, at the skeleton's present state."""
+    springs = (s for s in model.mechanism.joint_springs if not s.is_linear)
+    return sum(float(nonlinear_part(s).potential(model.axes[s.joint, s.coordinate].value)) for s in springs)
 
 
 def dampers(model: Model, all_efforts: list[Effort]) -> dict[int, float]:

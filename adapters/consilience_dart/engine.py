@@ -39,6 +39,7 @@ from consilience_dart.dynamics import (
     impose,
     reactions,
 )
+from consilience_dart.efforts import nonlinear_energy
 from consilience_dart.integration import rk4_trajectory
 from consilience_dart.loads import Forces, spring_energy
 from consilience_dart.state import from_state, send
@@ -66,6 +67,7 @@ EXACT = {
     "spring": "springs between points and their actuators: external forces by the adapter, at the start of each step",
     "joint spring": "joint springs: DART's own, implicit in its time step (which is zero outside World.step)",
     "load": "loads: external forces by the adapter, at the start of each step",
+    "nonlinear joint spring": "joint springs: what is not linear as forces of DART's joints, and as its damper",
     "actuator": "actuators of joint springs: forces of DART's joints, at the start of each step",
     "friction": "friction: force of DART's joint, its slope with the rate as DART's damper, implicit in the time step",
     "control": "control: force of DART's joint, D as its damper; the integral by the adapter, with the motion's method",
@@ -90,8 +92,8 @@ APPROXIMATED = dict.fromkeys(("spherical joint", "free joint", "rod joint"), EXP
 FEATURES = feature_names(
     joints="revolute, prismatic, cylindrical, universal, spherical, planar, rigid, rod, free, screw, "
     "point_on_line, point_in_plane, parallel_axes",
-    elements="spring, joint spring, actuator, load, load in time, friction, control, drive, coupling, rolling, skate, "
-    + CONTACT_FEATURES,
+    elements="spring, joint spring, nonlinear joint spring, actuator, load, load in time, friction, control, drive, "
+    "coupling, rolling, skate, " + CONTACT_FEATURES,
 )
 """Features of a mechanism that the adapter translates; features that are not listed are refused."""
 
@@ -231,6 +233,6 @@ def _stepper(mechanism: Mechanism, start: State, method: Method) -> Stepper:
 
 
 def _energies(model: Model) -> tuple[float, float]:
-    """Kinetic and potential energy by DART; the energy of springs between points is added."""
-    potential = model.skeleton.computePotentialEnergy() + model.spring_offset + spring_energy(model)
-    return model.skeleton.computeKineticEnergy(), potential
+    """Kinetic and potential energy by DART; the energy of springs that DART lacks is added."""
+    potential = model.skeleton.computePotentialEnergy() + model.spring_offset
+    return model.skeleton.computeKineticEnergy(), potential + spring_energy(model) + nonlinear_energy(model)

@@ -114,8 +114,8 @@ def _instant(mechanism: Mechanism, tree: Tree) -> tuple[Method, ...]:
 def _has_elements(mechanism: Mechanism) -> bool:
     """Whether the adapter applies forces or commands at every step."""
     m = mechanism
-    actuated = any(spring.actuator is not None for spring in m.joint_springs)
-    return bool(m.springs or m.loads or m.frictions or m.controls or m.drives or actuated)
+    more = any(spring.actuator is not None or not spring.is_linear for spring in m.joint_springs)
+    return bool(m.springs or m.loads or m.frictions or m.controls or m.drives or more)
 
 
 def _moves_as_told(mechanism: Mechanism) -> bool:

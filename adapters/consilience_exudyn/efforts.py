@@ -1,4 +1,4 @@
-"""Efforts in joint coordinates beside linear springs: actuators, friction and controllers.
+"""Efforts in joint coordinates beside linear springs: what is not linear, actuators, friction and controllers.
 
 Laws of efforts are user functions of Exudyn, with the coordinate and its rate as measured by Exudyn. Integrals of
 controllers are rates of coordinates without mechanical meaning, so that Exudyn's integrators integrate them.
@@ -11,7 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from consilience.mechanism import Array, Control, Friction, Function, Mechanism, friction_law
+from consilience.engine import nonlinear_part
+from consilience.mechanism import (
+    Array,
+    Control,
+    Friction,
+    Function,
+    JointSpring,
+    Mechanism,
+    friction_law,
+    spring_damper_law,
+)
 from consilience_exudyn.library import add_coordinates, exu, items
 
 Law = Callable[[float, float, float, Array], float]
@@ -23,6 +33,12 @@ Coordinate = tuple[str, str]
 
 def _actuator(motion: Function) -> Law:
     return lambda t, q, rate, integrals: motion.jet(t)[0]
+
+
+def _higher(s: JointSpring) -> Law:
+    """Return the law of a joint spring without its linear part, which is a connector of Exudyn."""
+    spring, damper = nonlinear_part(s).laws
+    return lambda t, q, rate, integrals: spring_damper_law(q - s.rest, rate, spring, damper)[0]
 
 
 def _friction(f: Friction) -> Law:
@@ -51,6 +67,8 @@ def efforts_of(mechanism: Mechanism) -> dict[Coordinate, list[Law]]:
     for spring in mechanism.joint_springs:
         if spring.actuator is not None:
             add(spring, _actuator(spring.actuator))
+        if not spring.is_linear:
+            add(spring, _higher(spring))
     for friction in mechanism.frictions:
         add(friction, _friction(friction))
     places = {c.name: n for n, c in enumerate(c for c in mechanism.controls if c.integral)}

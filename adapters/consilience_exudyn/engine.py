@@ -51,8 +51,8 @@ _TERMS = "ComputeMassMatrix, ComputeODE2RHS, ComputeJacobianAE"
 FEATURES = feature_names(
     joints="revolute, prismatic, cylindrical, universal, spherical, planar, rigid, rod, free, screw, "
     "point_on_line, point_in_plane, parallel_axes",
-    elements="spring, joint spring, actuator, load, load in time, friction, control, drive, coupling, rolling, skate, "
-    + CONTACT_FEATURES,
+    elements="spring, joint spring, nonlinear joint spring, actuator, load, load in time, friction, control, drive, "
+    "coupling, rolling, skate, " + CONTACT_FEATURES,
 )
 """Features of a mechanism that the adapter translates; features that are not listed are refused."""
 
@@ -62,6 +62,7 @@ _USER_ROW = "equation and Jacobian are a user function of ObjectConnectorCoordin
 _ELEMENTS = {
     "spring": "springs: ObjectConnectorSpringDamper",
     "joint spring": "joint springs: ObjectConnectorTorsionalSpringDamper, ObjectConnectorLinearSpringDamper",
+    "nonlinear joint spring": f"joint springs: what is not linear by connectors; {_USER_FUNCTIONS}",
     "load": "loads: LoadForceVector, LoadTorqueVector",
     "load in time": f"loads in time: {_USER_FUNCTIONS}",
     "actuator": f"actuators: connectors; {_USER_FUNCTIONS}",

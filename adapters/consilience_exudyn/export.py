@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from consilience.engine.native import FRICTION, JET, ROWS, SOLVE, function_data, refuse_contacts, row_data, script
+from consilience.engine import nonlinear_part
+from consilience.engine.native import JET, LAWS, ROWS, SOLVE, function_data, refuse_contacts, row_data, script
 from consilience.mechanism import GROUND, RANK_TOLERANCE, Joint, Mechanism, State, characteristic_length, linear
 from consilience_exudyn.constraints import Added, rate_map, rotation
 from consilience_exudyn.efforts import efforts_of
@@ -101,6 +102,7 @@ def _effort(m: Mechanism, joint: str, coordinate: str) -> dict[str, Any]:
     return {
         "angle": coordinate == "angle",
         "actuators": [function_data(s.actuator) for s in m.joint_springs if here(s) and s.actuator is not None],
+        "springs": [[s.rest, *nonlinear_part(s).laws] for s in m.joint_springs if here(s) and not s.is_linear],
         "frictions": [[f.viscous, f.coulomb, f.speed] for f in m.frictions if here(f)],
         "controls": [
             {
@@ -217,4 +219,4 @@ def export_model(title: str, mechanism: Mechanism, state: State) -> dict[str, st
         'os.environ["EXUDYN_NO_USER_SETTINGS"] = "1"  # read at import\n\nimport exudyn as exu\nimport numpy as np'
     )
     shared = ["\n" + getsource(function) for function in (rotation, rate_map, simulation_settings, convective_terms)]
-    return {"run.py": script(about, imports, constants, JET, FRICTION, SOLVE, *shared, CONNECTIONS, ROWS, CODE)}
+    return {"run.py": script(about, imports, constants, JET, LAWS, SOLVE, *shared, CONNECTIONS, ROWS, CODE)}

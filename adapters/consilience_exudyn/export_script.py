@@ -29,6 +29,7 @@ def effort(law):
 
     def force(_, t, __, q, rate, *more):
         total = sum(jet(f, t)[0] for f in law["actuators"])
+        total += sum(spring_damper_law(q - rest, rate, *both)[0] for rest, *both in law["springs"])
         total += sum(friction_law(rate, *friction)[0] for friction in law["frictions"])
         for c in law["controls"]:
             target, target_rate, _bend = jet(c["f"], t)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from consilience.engine import InstantAnswer, ModelAnswer, numerical_rank, over_parts, solve_constrained
+from consilience.engine import InstantAnswer, ModelAnswer, nonlinear_part, numerical_rank, over_parts, solve_constrained
 from consilience.mechanism import (
     GROUND,
     Array,
@@ -21,6 +21,7 @@ from consilience.mechanism import (
     Mechanism,
     State,
     euler_parameter_matrix,
+    joint_spring_motion,
     reaction_in_F,
     rotation_from_quaternion,
 )
@@ -72,7 +73,7 @@ def instant_answer(terms: Terms, states: Sequence[State]) -> InstantAnswer:
         terms.set_multipliers(mu)
         accelerations.append(a.reshape(-1, 6))
         reactions.append([_reaction(terms.model, state, k) for k in range(len(terms.model.joints))])
-        energies.append(_energies(terms.model, energy))
+        energies.append(_energies(terms.model, energy, state))
     a = np.array(accelerations)
     wrenches: Array = np.array(reactions).reshape(len(states), -1, 2, 3)
     kinetic, potential = np.array(energies).T
@@ -123,17 +124,26 @@ def _reaction(model: Maximal, state: State, k: int) -> tuple[Array, Array]:
     return reaction_in_F(model.mechanism, state, joint, own[:3], torque, state.p_WB[i], on_predecessor)
 
 
-def _energies(model: Maximal, energy: Any) -> tuple[float, float]:
-    """Kinetic energy, and potential energy of gravity and springs, of the current configuration.
+def _energies(model: Maximal, energy: Any, state: State) -> tuple[float, float]:
+    """Kinetic energy, and potential energy of gravity and springs, of the current configuration, that of a state.
 
     Exudyn's potential of gravity is zero in the reference configuration, where every body is at the world's origin. The
-    mechanism's loads are not part of the harness's potential energy.
+    mechanism's loads are not part of the harness's potential energy. User functions have no energy.
     """
     kinetic, springs, _, _ = energy.ComputeSystemEnergies()
     mechanism = model.mechanism
     weight = sum(LoadPotentialEnergy(model.system, load) for load in model.gravity)
     reference = -sum(body.mass * float(mechanism.gravity @ body.com) for body in mechanism.bodies)
-    return kinetic, springs + weight + reference
+    return kinetic, springs + weight + reference + _nonlinear_energy(mechanism, state)
+
+
+def _nonlinear_energy(mechanism: Mechanism, state: State) -> float:
+    """Potential energy of joint springs without their linear parts, J."""
+    return sum(
+        float(nonlinear_part(s).potential(joint_spring_motion(mechanism, state, s.joint, s.coordinate)[0]))
+        for s in mechanism.joint_springs
+        if not s.is_linear
+    )
 
 
 def tree_instant_answer(mechanism: Mechanism, states: Sequence[State]) -> InstantAnswer:
@@ -147,7 +157,7 @@ def tree_instant_answer(mechanism: Mechanism, states: Sequence[State]) -> Instan
         solver.InitializeSolver(model.system, settings)
         accelerations.append([[model.system.GetSensorValues(s) for s in pair] for pair in model.sensors])
         kinetic, potential, _, _ = energy.ComputeSystemEnergies()
-        energies.append((kinetic, potential + offset))
+        energies.append((kinetic, potential + offset + _nonlinear_energy(mechanism, state)))
     a = np.array(accelerations)
     kinetic, potential = np.array(energies).T
     return InstantAnswer(a[:, :, 0], a[:, :, 1], None, None, kinetic, potential)

@@ -53,6 +53,7 @@ from consilience_mujoco.states import poses_and_velocities, set_state
 from consilience_mujoco.translate import (
     Translation,
     drawn_length,
+    polynomials_apart,
     principal_inertia,
     slides_behind_balls,
     springs_cancel,
@@ -63,8 +64,8 @@ from consilience_mujoco.translate import (
 FEATURES = feature_names(
     joints="revolute, prismatic, cylindrical, universal, spherical, planar, rigid, rod, free, screw, "
     "point_on_line, point_in_plane, parallel_axes",
-    elements="spring, joint spring, actuator, load, load in time, friction, control, drive, coupling, rolling, skate, "
-    + CONTACT_FEATURES,
+    elements="spring, joint spring, nonlinear joint spring, actuator, load, load in time, friction, control, drive, "
+    "coupling, rolling, skate, " + CONTACT_FEATURES,
 )
 """Features of a mechanism that the adapter translates; features that are not listed are refused."""
 
@@ -108,6 +109,14 @@ class MujocoEngine:
             )
             for link in self._tree(mechanism).links
             if springs_cancel(springs_on(mechanism, link))
+        ]
+        joints += [
+            Unsupported(
+                f"springs on joint '{mechanism.joints[link.joint].name}', not all linear, of several rests",
+                "a MuJoCo joint has one polynomial and one rest",
+            )
+            for link in self._tree(mechanism).links
+            if polynomials_apart(springs_on(mechanism, link))
         ]
         joints += [
             Unsupported(f"body '{mechanism.bodies[link.body].name}': {least:g} kg or kg m^2", reason)

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from consilience.engine import ModelAnswer, numerical_rank, solve_constrained
-from consilience.mechanism import GROUND, Array, Mechanism, State, cross, reaction_in_F
+from consilience.mechanism import GROUND, Array, Mechanism, State, cross, reaction_in_F, spring_damper_law
 from consilience_mujoco.actuators import load_name, load_wrench
 from consilience_mujoco.callback import first_rows
 from consilience_mujoco.messages import EngineWarningError
@@ -140,7 +140,9 @@ def element_efforts(translation: Translation) -> Array:
         if model.jnt_type[joint] in _SCALAR:
             dof, at = model.jnt_dofadr[joint], model.jnt_qposadr[joint]
             deflection = data.qpos[at] - model.qpos_spring[at]
-            efforts[dof] = -(model.jnt_stiffness[joint] * deflection + model.dof_damping[dof] * data.qvel[dof])
+            spring = model.jnt_stiffness[joint], *model.jnt_stiffnesspoly[joint]
+            damper = model.dof_damping[dof], *model.dof_dampingpoly[dof]
+            efforts[dof] = spring_damper_law(deflection, data.qvel[dof], spring, damper)[0]
     for actuator in np.flatnonzero(model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT):
         dof = model.jnt_dofadr[model.actuator_trnid[actuator, 0]]
         efforts[dof] += model.actuator_gear[actuator, 0] * data.actuator_force[actuator]

@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 
 from consilience.engine import Method, Question, suited_rods
-from consilience.engine.native import FRICTION, JET, ROLLING, function_data, refuse_contacts, script
+from consilience.engine.native import JET, LAWS, ROLLING, function_data, refuse_contacts, script
 from consilience.mechanism import Mechanism, State
 from consilience_mujoco.callback import answering
 from consilience_mujoco.engine import MujocoEngine
@@ -40,6 +40,11 @@ _TARGETS = {
 def _text(values: Any) -> str:
     """Text of numbers with all digits."""
     return " ".join(repr(float(x)) for x in np.atleast_1d(values))
+
+
+def _powers(first: float, higher: Any) -> str:
+    """Text of a coefficient and, if there are any, of those of higher degree."""
+    return _text([first, *higher] if np.any(higher) else first)
 
 
 _FIELDS: dict[str, dict[str, str]] = {
@@ -117,11 +122,12 @@ class _Writer:
         if kind != "free":
             attributes["pos"] = _text(model.jnt_pos[joint])
         if kind in ("hinge", "slide"):
+            dof = model.jnt_dofadr[joint]
             attributes |= {
                 "axis": _text(model.jnt_axis[joint]),
-                "stiffness": _text(model.jnt_stiffness[joint]),
+                "stiffness": _powers(model.jnt_stiffness[joint], model.jnt_stiffnesspoly[joint]),
                 "springref": _text(model.qpos_spring[model.jnt_qposadr[joint]]),
-                "damping": _text(model.dof_damping[model.jnt_dofadr[joint]]),
+                "damping": _powers(model.dof_damping[dof], model.dof_dampingpoly[dof]),
             }
         SubElement(element, "joint", attributes)
 
@@ -248,5 +254,5 @@ def export_model(title: str, mechanism: Mechanism, state: State) -> dict[str, st
     shared = ["\n" + getsource(function) for function in (moving_dofs, velocity_term, hold_rolling, hold_skate)]
     return {
         "model.xml": _Writer(translation.model, title).write(method, translation.data),
-        "run.py": script(about, imports, constants, JET, FRICTION, ROLLING, *shared, CODE),
+        "run.py": script(about, imports, constants, JET, LAWS, ROLLING, *shared, CODE),
     }

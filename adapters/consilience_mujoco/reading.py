@@ -81,6 +81,11 @@ def _without_absent_meshes(spec: Any, path: Path, notes: Notes) -> None:
     notes.check(path.name)
 
 
+def _higher(coefficients: Any) -> tuple[float, ...]:
+    """Return the coefficients of higher degree of a spring or damper, none if all are zero."""
+    return tuple(float(x) for x in coefficients) if np.any(coefficients) else ()
+
+
 class _Model:
     """Compiled model at `qpos0`."""
 
@@ -137,6 +142,8 @@ class _Model:
             0.0 if self.off(_OFF.mjDSBL_SPRING) else float(model.jnt_stiffness[joint]),
             damping,
             rest,
+            () if self.off(_OFF.mjDSBL_SPRING) else _higher(model.jnt_stiffnesspoly[joint]),
+            () if self.off(_OFF.mjDSBL_DAMPER) else _higher(model.dof_dampingpoly[dof]),
         )
 
     # ---------------------------------------------------------------- equalities
@@ -218,9 +225,6 @@ class _Model:
             "armature: a case has no rotor inertia": [np.any(model.dof_armature[d]) for d in dofs],
             "Coulomb friction: a case needs the speed that regularises it": [
                 np.any(model.dof_frictionloss[d]) for d in dofs
-            ],
-            "spring or damper with a polynomial, its linear part kept": [
-                np.any(model.jnt_stiffnesspoly[j]) or np.any(model.dof_dampingpoly[dofs[j]]) for j in joints
             ],
             "spring that yields, kept as if it did not": model.jnt_springyield,
         }.items():

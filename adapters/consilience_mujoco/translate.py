@@ -210,7 +210,11 @@ def _add_joint(body: Any, name: str, link: Link, frame: Frame, mechanism: Mechan
     springs = springs_on(mechanism, link)
     if springs:
         joint.stiffness[0], joint.damping[0], rest, _ = merged_spring(springs)
-        joint.springref = -rest if link.reversed else rest  # passed backwards, a joint has the opposite coordinate
+        rest = next((s.rest for s in springs if any(s.laws[0][1:])), rest)
+        sign = -1.0 if link.reversed else 1.0  # passed backwards, a joint has the opposite coordinate
+        joint.springref = sign * rest
+        k1, k2, c1, c2 = np.sum([s.higher for s in springs], axis=0)
+        joint.stiffness[1:], joint.damping[1:] = [sign * k1, k2], [c1, c2]
 
 
 def springs_on(mechanism: Mechanism, link: Link) -> list[JointSpring]:
@@ -235,6 +239,12 @@ def drawn_length(mechanism: Mechanism, spring: Spring) -> float:
 def springs_cancel(springs: list[JointSpring]) -> bool:
     """Whether stiffnesses of opposite sign cancel, so that no single spring has the same effort."""
     return abs(sum(s.stiffness for s in springs)) < 1e-9 * sum(abs(s.stiffness) for s in springs)
+
+
+def polynomials_apart(springs: list[JointSpring]) -> bool:
+    """Whether springs of different rests, not all of them linear, act in one coordinate."""
+    rests = {s.rest for s in springs if any(s.laws[0])}
+    return len(rests) > 1 and any(any(s.laws[0][1:]) for s in springs)
 
 
 def _energy_offset(mechanism: Mechanism, tree: Tree) -> float:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from consilience.engine import axis_link
-from consilience.mechanism import AXIS_COORDINATES, Array, Function, friction_law
+from consilience.mechanism import AXIS_COORDINATES, Array, Function, JointSpring, friction_law, spring_damper_law
 from consilience_pinocchio.translate import Translation
 
 
@@ -67,12 +67,13 @@ class Efforts:
         self._constant, self._by_q, self._by_v = np.zeros(nv), np.zeros((nv, nq)), np.zeros((nv, nv))
         self._timed: list[tuple[int, float, float, Function]] = []
         self._coulomb: list[tuple[int, float, float]] = []
-        self._springs: list[tuple[Axis, float, float]] = []
+        self._springs: list[tuple[Axis, JointSpring]] = []
         for spring in mechanism.joint_springs:
             place = axis(translation, spring.joint, spring.coordinate)
-            self._springs.append((place, spring.stiffness, spring.rest))
-            self._constant[place.idx_v] += place.sign * spring.stiffness * spring.rest
-            self._add_linear(place, spring.stiffness, spring.damping)
+            self._springs.append((place, spring))
+            if spring.is_linear:
+                self._constant[place.idx_v] += place.sign * spring.stiffness * spring.rest
+                self._add_linear(place, spring.stiffness, spring.damping)
             if spring.actuator is not None:
                 self._timed.append((place.idx_v, place.sign, 0.0, spring.actuator))
         for friction in mechanism.frictions:
@@ -80,6 +81,7 @@ class Efforts:
             self._add_linear(place, 0.0, friction.viscous)
             self._coulomb.append((place.idx_v, friction.coulomb, friction.speed))  # odd: the same in both senses
         self._add_controls(translation)
+        self._nonlinear = [(place, s.rest, *s.laws) for place, s in self._springs if not s.is_linear]
         self.active = bool(mechanism.joint_springs or mechanism.frictions or mechanism.controls)
         self._slots = [
             [axis(translation, joint.name, name) for name in AXIS_COORDINATES.get(joint.kind, ())]
@@ -120,6 +122,9 @@ class Efforts:
         for i, gain, rate_gain, law in self._timed:
             value, slope, _ = law.jet(t)
             tau[i] += gain * value + rate_gain * slope
+        for place, rest, spring, damper in self._nonlinear:
+            x, rate = place.sign * q[place.idx_q] - rest, place.sign * v[place.idx_v]
+            tau[place.idx_v] += place.sign * spring_damper_law(x, rate, spring, damper)[0]
         for i, coulomb, speed in self._coulomb:
             tau[i] += friction_law(v[i], 0.0, coulomb, speed)[0]
         return np.asarray(tau)
@@ -140,4 +145,4 @@ class Efforts:
 
     def potential(self, q: Array) -> float:
         """Return the potential energy of the joint springs in J."""
-        return sum(0.5 * k * (place.sign * float(q[place.idx_q]) - rest) ** 2 for place, k, rest in self._springs)
+        return sum(float(spring.potential(place.sign * float(q[place.idx_q]))) for place, spring in self._springs)

@@ -128,7 +128,8 @@ _ELEMENT_REMARKS = {
 FEATURES = feature_names(
     joints="revolute, prismatic, cylindrical, universal, spherical, planar, rigid, rod, free, screw, "
     "point_on_line, point_in_plane, parallel_axes",
-    elements="spring, joint spring, actuator, load, load in time, friction, control, drive, coupling, rolling, skate, "
+    elements="spring, joint spring, nonlinear joint spring, actuator, load, load in time, friction, control, drive, "
+    "coupling, rolling, skate, "
     "sphere on plane contact, point on plane contact, sphere on sphere contact, box on plane contact, "
     "capsule on plane contact, disc on plane contact, moving plane contact, contact restitution, contact friction, "
     "static friction, associated cone, stop, stop restitution, dry friction",

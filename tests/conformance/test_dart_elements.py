@@ -47,7 +47,7 @@ from consilience.reference import simulate
 from consilience_dart import DartEngine
 from consilience_dart.efforts import efforts
 from consilience_dart.translation import build
-from mechanisms import ELEMENTS, LOOPS, PITCH, chain, drawn_joint, lumpy_body, rotation, states_of
+from mechanisms import ELEMENTS, LOOPS, PITCH, chain, drawn_joint, hardening, lumpy_body, rotation, states_of
 
 EPS = np.finfo(float).eps
 HERE = Frame(np.zeros(3), np.eye(3))
@@ -147,6 +147,7 @@ MORE = {
     "screw_in_loop": screw_loop({"j0": "screw"}),
     "screw_closes_loop": screw_loop({"j2": "screw", "j3": "cylindrical"}),
     "skate_in_loop": dataclasses.replace(LOOPS["loop_spherical"], skates=edge("b")),
+    "hardening": hardening(),
     "worked_rolling": worked(ELEMENTS["rolling_disc"], "j1"),
     "driven_rolling": driven_loop(ELEMENTS["rolling_torus"], "j1", "angle", SWEEP),
 }

@@ -42,7 +42,7 @@ CASES = (
     "rolling_disc",
     "four_bar_driven",  # a drive in a loop
 )
-LUMPY = ("powered", "coupled", "rolling_torus", "rolling_disc", "skating", "backward_screw")
+LUMPY = ("hardening_chain", "powered", "coupled", "rolling_torus", "rolling_disc", "skating", "backward_screw")
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -61,7 +61,7 @@ def test_angles_of_a_urdf_cost_stiff_springs_no_digits(tmp_path):
 @pytest.mark.parametrize("name", LUMPY)
 @pytest.mark.parametrize("engine", ENGINES)
 def test_an_exported_model_accelerates_as_newton_and_euler_say(tmp_path, engine, name):
-    mechanism = ELEMENTS[name]
+    mechanism = (TREES | ELEMENTS)[name]
     state = states_of(mechanism, 1)[0]
     write_native(exporter(engine)(name, mechanism, state), tmp_path)
     told = exported.results(tmp_path)

@@ -43,6 +43,7 @@ from mechanisms import (
     chain,
     drawn_joint,
     four_bar,
+    hardening,
     lumpy_body,
     rotation,
     slider_crank,
@@ -161,7 +162,7 @@ OWN = {
         skating_loop(),
     )
 }  # fmt: skip
-ALL = ELEMENTS | OWN
+ALL = ELEMENTS | OWN | {"hardening": hardening()}
 
 
 @pytest.fixture
@@ -261,7 +262,7 @@ def test_motions_find_the_reference_with_their_order(exudyn_engine, name):
 
 
 def test_kinematic_trees_take_forces_and_no_constraints(exudyn_engine):
-    assert [name for name, mechanism in ALL.items() if is_one_axis_tree(mechanism)] == ["powered_tree"]
+    assert [name for name, mechanism in ALL.items() if is_one_axis_tree(mechanism)] == ["powered_tree", "hardening"]
     names = [method.name for method in exudyn_engine.methods(OWN["powered_tree"], Question.TRAJECTORY)]
     assert "ExplicitRungeKutta44 on KinematicTree" in names
 

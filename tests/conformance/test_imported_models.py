@@ -164,6 +164,8 @@ HINGE = """<joint name="{0}" pos="0.1 -0.2 0.05" axis="0.48 -0.6 0.64" stiffness
   ref="0.3"/>"""
 SLIDE = '<joint name="{0}" type="slide" axis="-0.6 0 0.8" stiffness="30" damping="2"/>'
 
+POLYNOMIAL = HINGE.replace('"3"', '"3 2 1"').replace('damping="0.2"', 'damping="0.2 0.5"')
+
 MJCF = {
     "chain with springs": world(
         body("a", HINGE.format("j"), body("b", SLIDE.format("k"), body("c", HINGE.format("l"))))
@@ -194,6 +196,14 @@ MJCF = {
     ),
     "spring on a slide that its joint counts backwards": world(
         body("a", '<joint axis="0 0.6 0.8"/><joint type="slide" axis="0 -0.6 -0.8" stiffness="30" springref="0.2"/>')
+    ),
+    "polynomials": world(body("a", POLYNOMIAL.format("j"), body("b", SLIDE.format("k").replace('"30"', '"0 20 50"')))),
+    "polynomial on a slide that its joint counts backwards": world(
+        body(
+            "a",
+            '<joint axis="0 0.6 0.8" stiffness="1 0.4" damping="0 0.2"/><joint type="slide" axis="0 -0.6 -0.8" '
+            'stiffness="30 -20 40" springref="0.2" damping="0.1 0.5 0.7"/>',
+        )
     ),
     "coupled": world(
         body("a", HINGE.format("j")),
@@ -280,6 +290,25 @@ def test_accelerations_of_an_imported_mjcf_are_those_of_mujoco(tmp_path, name):
     )
     assert worst < BAR
     assert violated < 1e-12
+
+
+def test_polynomials_of_joints_are_imported_and_those_of_tendons_and_balls_are_noted(tmp_path):
+    tendon = MJCF["tendon as a spring"].replace('stiffness="40"', 'name="t" stiffness="40 3"')
+    notes = {}
+    for name, text in {"joint": MJCF["polynomials"], "tendon": tendon}.items():
+        imported = import_model(write(tmp_path, text, ".xml"))
+        notes[name] = imported.notes.left_out.get("spring or damper with a polynomial, its linear part kept")
+        springs = imported.case.mechanism.joint_springs
+        if name == "joint":
+            assert [s.laws for s in springs] == [
+                ((3.0, 2.0, 1.0), (0.2, 0.5, 0.0)),
+                ((0.0, 20.0, 50.0), (2.0, 0.0, 0.0)),
+            ]
+    assert notes == {"joint": None, "tendon": ["t"]}
+    ball = world(body("a", '<joint name="b" type="ball" stiffness="0 2" damping="0 0.5"/>'))
+    imported = import_model(write(tmp_path, ball, ".xml"))
+    assert imported.case.mechanism.joint_springs == ()
+    assert imported.notes.left_out["spring or damping left out: the joint it became has no such coordinate"] == ["b"]
 
 
 def test_two_sprung_hinges_of_one_body_are_two_joints(tmp_path):

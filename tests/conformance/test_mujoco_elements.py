@@ -43,6 +43,7 @@ from mechanisms import (
     chain,
     drawn_joint,
     four_bar,
+    hardening,
     lumpy_body,
     rotation,
     slider_crank,
@@ -149,6 +150,7 @@ WITH_LOOPS = {
 ALL = {
     **ELEMENTS,
     "backward": backward(),
+    "hardening": hardening(),
     "backward_forces": backward_forces(),
     "two_wheels": two_wheels(),
     "two_trees": two_trees(),
@@ -241,7 +243,7 @@ def test_the_defaults_made_hard_come_to_the_reference(engine, name):
     assert np.log2(coarse / fine) == pytest.approx(1.0, abs=0.15)
 
 
-@pytest.mark.parametrize("name", [n for n in ALL if n not in ("powered", "powered_crank")])
+@pytest.mark.parametrize("name", [n for n in ALL if n not in ("powered", "powered_crank", "hardening")])
 def test_every_path_of_mujoco_finds_the_one_solution_of_the_soft_problem(engine, name):
     mechanism = ALL[name]
     states = states_of(mechanism, 2)
@@ -455,3 +457,24 @@ def test_rows_that_a_sparse_jacobian_has_no_room_for_have_no_defaults(engine):
         mechanism = replace(chain(*["revolute"] * count), couplings=(Coupling("c", "j0", "angle", "j1", "angle", CAM),))
         assert {m.profile for m in engine.methods(mechanism, Question.INSTANT)} == profiles
         assert {m.profile for m in engine.methods(mechanism, Question.TRAJECTORY)} == profiles
+
+
+def test_polynomials_of_one_rest_add_up_and_those_of_several_are_refused(engine):
+    """A MuJoCo joint has one polynomial and one rest; a damper and a constant effort need none."""
+    base = hardening()
+    first = base.joint_springs[1]
+    more = replace(first, name="more", stiffness=4.0, higher_stiffness=(0.7, 0.9), higher_damping=(0.2,), actuator=None)
+    damper = replace(first, name="damper", stiffness=0.0, rest=9.0, higher_stiffness=())
+    together = replace(base, joint_springs=(*base.joint_springs, more, damper))
+    apart = replace(base, joint_springs=(*base.joint_springs, replace(more, rest=first.rest + 0.1)))
+    states, method = states_of(together, 3), engine.methods(together, Question.INSTANT)[0]
+    assert engine.unsupported(together, Question.INSTANT) == ()
+    answer = engine.instant(together, states, method)
+    for n, state in enumerate(states):
+        a, alpha, force, torque = truth.solve(together, state)
+        assert relative(np.hstack([answer.a_WB_W[n], answer.alpha_WB_W[n]]), np.hstack([a, alpha])) < 1e-11
+        assert relative(np.hstack([answer.force_F[n], answer.torque_F[n]]), np.hstack([force, torque])) < 1e-10
+        assert answer.potential[n] == pytest.approx(potential_energy(together, state), rel=1e-12)
+    (refusal,) = engine.unsupported(apart, Question.INSTANT)
+    assert refusal.feature == "springs on joint 'j1', not all linear, of several rests"
+    assert "one polynomial and one rest" in refusal.reason

@@ -39,7 +39,7 @@ from consilience.reference import simulate
 from consilience_pinocchio import PinocchioEngine
 from consilience_pinocchio.dynamics import PROXIMAL
 from consilience_pinocchio.mimic import MIMIC
-from mechanisms import ELEMENTS, LOOPS, PITCH, chain, force_elements, rolling, skating, states_of
+from mechanisms import ELEMENTS, LOOPS, PITCH, chain, force_elements, hardening, rolling, skating, states_of
 
 WAVE = sine(2.0, 3.0, 0.4)
 BUMP = Function(np.array([0.2, 1.5]), np.array([[0.3, 4.0, 0.1]]))
@@ -106,6 +106,7 @@ def driven(name: str, *drives: Drive) -> Mechanism:
 MECHANISMS = {
     "powered": ELEMENTS["powered"],
     "powered_loop": powered_loop(),
+    "hardening": hardening(),
     "driven": ELEMENTS["driven"],
     "driven_backwards": driven_backwards(),
     "driven_crank": driven("slider_crank", Drive("turn", "a", "angle", BUMP)),
