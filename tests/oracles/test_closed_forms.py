@@ -21,6 +21,7 @@ from oracles.benchmarks.compare import BAR, far
 from oracles.closed_forms.driven_crank import DrivenCrank
 from oracles.closed_forms.free_body import Asymmetric, symmetric
 from oracles.closed_forms.heavy_top import HeavyTop, steady_spin
+from oracles.closed_forms.nonlinear_springs import coasting, cubic, cubic_period, quadratic
 from oracles.closed_forms.oscillator import oscillator
 from oracles.closed_forms.pendulum import Pendulum
 
@@ -390,3 +391,62 @@ def test_steady_spin_balances_lagrange():
     top = HeavyTop(0.35, 0.12, 4.1, (0.0, 1.0, 0.0), (2.5, 0.0, steady_spin(0.35, 0.12, 4.1, 2.5, 1.0)))
     _, _, _, _, (u1, u2, _) = top.constants()
     assert (u1, u2) == pytest.approx((np.cos(1.0), np.cos(1.0)), abs=1e-7)  # a double root has half the digits
+
+
+# --- springs that are not linear ------------------------------------------------------------------------------------
+
+CUBES = {"hardens": (7.0, 90.0), "cube alone": (0.0, 60.0), "softens": (7.0, -8.0)}
+
+
+@pytest.mark.parametrize("law", CUBES.values(), ids=CUBES)
+def test_oscillators_with_a_cube_or_a_square_obey_their_equations(law):
+    k, k2 = law
+    for solve, power in ((lambda t: cubic(1.3, k, k2, 0.6, t), 3), (lambda t: quadratic(1.3, 7.0, 5.0, 0.6, t), 2)):
+        x, v = solve(TIMES)
+        assert (x[0], v[0]) == pytest.approx((0.6, 0.0), abs=1e-13)
+        assert far(difference(lambda t, f=solve: f(t)[0], TIMES), v) < 1e-11
+        force = -k * x - k2 * x**3 if power == 3 else -7.0 * x - 5.0 * x**2
+        assert far(1.3 * difference(lambda t, f=solve: f(t)[1], TIMES), force) < 1e-10
+
+
+def test_a_rotor_coasts_down_by_its_equation():
+    damping = (0.3, 0.2, 0.4)
+    angle, v = np.array([coasting(1.7, damping, 6.0, t) for t in TIMES]).T
+    c, c1, c2 = damping
+    assert (angle[0], v[0]) == (0.0, 6.0)
+    part = [lambda t, k=k: np.array([coasting(1.7, damping, 6.0, x)[k] for x in t]) for k in (0, 1)]
+    rates = [difference(one, TIMES[1:]) for one in part]
+    assert far(rates[0], v[1:]) < 1e-10
+    assert far(1.7 * rates[1], -(c + c1 * v[1:] + c2 * v[1:] ** 2) * v[1:]) < 1e-10
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("law", [*CUBES.values(), "square"], ids=[*CUBES, "square"])
+def test_mass_on_a_slide_with_a_spring_that_is_not_linear(law, seed):
+    """Without gravity, from rest; the period of the one that hardens by the complete elliptic integral."""
+    axis, rest = np.array([2.0, -1.0, 2.0]) / 3, 0.2
+    k, higher = (7.0, (5.0,)) if law == "square" else (law[0], (0.0, law[1]))
+    slider = body("slider", 1.3, (0.3, 0.2, -0.1), np.diag([0.2, 0.3, 0.25]) + 0.02, at=(0.1, 0.1, 0.1))
+    forces = {"joint_springs": (JointSpring("k", "slide", "distance", k, 0.0, rest, None, higher),)}
+    slide = ("slide", "prismatic", GROUND, "slider", (0, 0, 0), axis)
+    plain = mechanism("slide", np.zeros(3), [slider], [slide], **forces)
+    motion = moved(plain, started(plain, None, {"slide": rest + 0.6}), seed)
+    x, v = quadratic(1.3, k, 5.0, 0.6, TIMES) if law == "square" else cubic(1.3, *law, 0.6, TIMES)
+    assert far(motion.p[:, 0], slider.drawing.p + (rest + x)[:, None] * axis) < BAR
+    assert far(motion.v[:, 0], v[:, None] * axis) < BAR
+    if law == CUBES["hardens"]:
+        period = cubic_period(1.3, *law, 0.6)
+        later = moved(plain, started(plain, None, {"slide": rest + 0.6}), seed, np.array([0.0, period]))
+        assert far(later.p[1], later.p[0]) < BAR
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_rotor_that_a_damper_brakes(seed):
+    axis, arm, inertia = np.array([2.0, 3.0, 6.0]) / 7, np.array([0.3, 0.1, -0.2]), np.diag([0.2, 0.3, 0.25]) + 0.02
+    moment = axis @ inertia @ axis + 1.2 * (arm @ arm - (arm @ axis) ** 2)
+    damper = JointSpring("c", "pin", "angle", 0.0, 0.03, 0.0, None, (), (0.02, 0.01))
+    pin = ("pin", "revolute", GROUND, "disc", (0, 0, 0), axis)
+    plain = mechanism("rotor", np.zeros(3), [body("disc", 1.2, arm, inertia)], [pin], joint_springs=(damper,))
+    motion = moved(plain, started(plain, {"pin": 9.0}), seed)
+    _, v = np.array([coasting(moment, (0.03, 0.02, 0.01), 9.0, t) for t in TIMES]).T
+    assert far(motion.spin("disc"), v[:, None] * axis) < BAR

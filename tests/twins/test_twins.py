@@ -144,7 +144,12 @@ def _joint_spring_in_units(s):
     length = L if s.coordinate == "distance" else 1.0
     effort = FORCE if s.coordinate == "distance" else TORQUE
     return replace(
-        s, stiffness=s.stiffness * effort / length, damping=s.damping * effort * T / length, rest=s.rest * length
+        s,
+        stiffness=s.stiffness * effort / length,
+        damping=s.damping * effort * T / length,
+        rest=s.rest * length,
+        higher_stiffness=tuple(k * effort / length**n for n, k in enumerate(s.higher_stiffness, start=2)),
+        higher_damping=tuple(c * effort * (T / length) ** n for n, c in enumerate(s.higher_damping, start=2)),
     )
 
 
@@ -152,7 +157,7 @@ Z_TO_X = np.array([[0.0, 0, 1], [0, -1, 0], [1, 0, 0]])  # columns z, -y, x: exc
 
 
 def swapped(mechanism: Mechanism) -> Twin:
-    """Predecessor and successor of every joint exchanged; coordinates and the rests of joint springs change sign.
+    """Predecessor and successor of every joint exchanged; coordinates, rests of joint springs and k1 change sign.
 
     A universal joint turns about z of F, then about x of M: an exchange of the sides also exchanges these axes.
     """
@@ -161,7 +166,10 @@ def swapped(mechanism: Mechanism) -> Twin:
         turn = Z_TO_X if j.kind == "universal" else np.eye(3)
         F, M_ = Frame(j.M.p, j.M.R @ turn), Frame(j.F.p, j.F.R @ turn)
         joints.append(Joint(j.name, j.kind, j.successor, j.predecessor, F, M_, j.length))
-    springs = tuple(replace(s, rest=-s.rest) for s in mechanism.joint_springs)
+    springs = tuple(
+        replace(s, rest=-s.rest, higher_stiffness=tuple(-k if n == 0 else k for n, k in enumerate(s.higher_stiffness)))
+        for s in mechanism.joint_springs
+    )
     return Twin(mechanism, replace(mechanism, joints=tuple(joints), joint_springs=springs), lambda s: s)
 
 
@@ -246,7 +254,7 @@ def test_only_the_one_sided_joints_have_no_exchanged_twin():
 
 
 @pytest.mark.parametrize("describe", DESCRIPTIONS)
-@pytest.mark.parametrize("name", ["forced_chain", "four_bar", "loop_rod", "branched"])
+@pytest.mark.parametrize("name", ["forced_chain", "hardening_chain", "four_bar", "loop_rod", "branched"])
 def test_another_description_moves_the_same(name, describe):
     assert_same_motion(describe(ALL[name]))
 

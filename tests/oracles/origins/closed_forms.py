@@ -9,6 +9,7 @@ from scipy.linalg import eigh
 
 from consilience.mechanism import rotation_from_quaternion
 from oracles.closed_forms.free_body import Asymmetric, symmetric
+from oracles.closed_forms.nonlinear_springs import coasting, cubic, quadratic
 from oracles.closed_forms.oscillator import oscillator
 from oracles.closed_forms.pendulum import Pendulum
 from oracles.origins import tops
@@ -152,6 +153,33 @@ def heavy_top(case):
 
 
 # --- slides, springs, gears -----------------------------------------------------------------------------------------
+
+
+def nonlinear_springs(case):
+    """A spring that hardens, one with an even part on a slide passed backwards, a rotor that coasts down."""
+    m = case.mechanism
+    hard, even, brake = m.joint_springs
+    masses = {b.name: b.mass for b in m.bodies}
+    _, J, _ = about_hinge(case, "pin")
+
+    def start(spring):
+        return case.initial.coordinates[spring.joint]["distance"] - spring.rest
+
+    def hardening(t):
+        x, v = cubic(masses["hard"], hard.stiffness, hard.higher_stiffness[1], start(hard), [t])
+        return hard.rest + x[0], v[0]
+
+    u = drawn_frame(m, joint_of(case, "even_slide"))[1][:, 2]
+    drawn = drawn_com(m.bodies[m.body_index["even"]])
+
+    def backwards(t):
+        x, v = quadratic(masses["even"], even.stiffness, even.higher_stiffness[0], start(even), [t])
+        return drawn - (even.rest + x[0]) * u, -v[0] * u, np.eye(3), np.zeros(3)
+
+    def coast(t):
+        return coasting(J, (brake.damping, *brake.higher_damping), case.initial.rates["pin"]["angle"], t)
+
+    return [sliding(case, "hard_slide", hardening), backwards, hinged(case, "pin", coast)]
 
 
 def spring_chain(case):
@@ -357,6 +385,7 @@ _MOVING = {
     "heavy_top": heavy_top,
     "steady_precession": steady_precession,
     "sliding_masses": spring_chain,
+    "nonlinear_springs": nonlinear_springs,
     "gear_pair": gears,
     "bevel_gears": gears,
     "rack_and_pinion": rack_and_pinion,
