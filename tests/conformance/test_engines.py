@@ -18,12 +18,15 @@ from consilience.errors import InvalidInput
 from consilience.mechanism import (
     GROUND,
     Frame,
+    Initial,
     Joint,
+    JointSpring,
     State,
     determinate_reactions,
     euler_parameter_matrix,
     free_directions,
     initial_state,
+    joint_spring_motion,
     kinetic_energy,
     mass_properties,
     potential_energy,
@@ -33,7 +36,8 @@ from consilience.mechanism import (
     rotation_with_z_axis,
 )
 from consilience.mechanism.conditioning import mass_matrix_condition
-from mechanisms import ELEMENTS, LOOPS, TREES, states_of
+from consilience.reference import simulate
+from mechanisms import ELEMENTS, LOOPS, TREES, chain, states_of
 
 ALL = TREES | LOOPS
 EPS = np.finfo(float).eps
@@ -266,3 +270,25 @@ def test_a_weld_on_a_slide_carries_the_weight_along_it(engine):
         if answer.force_F is not None:
             force = hold.F.R @ answer.force_F[0][1]
             assert force @ along == pytest.approx(-weight, rel=1e-8), method.name
+
+
+def test_the_angle_of_a_nonlinear_joint_spring_counts_full_turns(engine):
+    """A spring that is wound up by more than a turn, on a joint passed backwards too; without gravity."""
+    stiffness, damping = (0.004, 0.002), (0.002, 0.0005)
+    springs = tuple(JointSpring(f"k{n}", f"j{n}", "angle", 0.05, 0.01, 0.3, None, stiffness, damping) for n in range(2))
+    base = chain("revolute", "revolute", seed=91, backwards=(1,))
+    mechanism = replace(base, gravity=np.zeros(3), joint_springs=springs)
+    start = initial_state(mechanism, Initial({}, {"j0": {"angle": 5.0}, "j1": {"angle": 20.0}}))
+    times = np.linspace(0.0, 1.5, 31)
+    expected = simulate(mechanism, start, times, 1e-12, "relative")
+    turned = [joint_spring_motion(mechanism, expected.state(k), "j1", "angle")[1] for k in range(len(times))]
+    assert np.trapezoid(turned, times) > 2.2 * np.pi
+    for method in supported_methods(engine, mechanism, Question.TRAJECTORY):
+        if method.order is None or method.order < 2:
+            continue
+        coarse, fine = (
+            np.max(np.abs(engine.trajectory(mechanism, start, times, method, 0.05 / n).p_WB - expected.p_WB))
+            for n in method.substeps[:2]
+        )
+        assert fine < 0.02, method.name
+        assert np.log2(coarse / fine) > method.order - 0.5, method.name
