@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 
 from consilience.audit.fuzz.population import read_text, with_nonlinear_springs
 from consilience.audit.fuzz.reductions import AS_IS, knobs, simplified
+from consilience.case import load_case
 from consilience.case.file.reader import load_file
 from consilience.case.file.schema import CaseTable
 from consilience.case.file.writer import case_text
@@ -42,12 +43,14 @@ from consilience.reference.analyses import (
     linearise_steady_motion,
     parameter_paths,
     static_equilibrium,
+    trajectory_sensitivity,
     with_parameter,
 )
 from consilience.reference.engine import ReferenceEngine
 from consilience.report.anatomy import fastest
 from consilience.report.summary import describe_case
 from mechanisms import TREES, drawn_joint, four_bar, lumpy_body, rotation, slider_crank, states_of
+from oracles.closed_forms.nonlinear_springs import cubic
 
 HARDENING = TREES["hardening_chain"]
 AXES = ((0, "angle"), (1, "distance"), (2, "angle"))
@@ -235,6 +238,19 @@ def test_each_coefficient_is_a_parameter_and_may_be_wrong():
     assert first.higher_damping == (0.9 * own.higher_damping[0], own.higher_damping[1])
     # coefficients that are zero are no parameters that may be wrong
     assert "higher stiffness[0] of joint spring 'k_j2'" not in wrong
+
+
+def test_sensitivities_of_a_motion_are_those_of_its_closed_form():
+    """To k2 of Duffing's oscillator, and to k1, which is zero: by a sixth-order difference of the closed form."""
+    case, t = load_case("nonlinear_springs"), np.array([0.0, 1.0, 2.5])
+    (mass, along), h = (case.mechanism.bodies[0].mass, np.array([2.0, -1.0, 2.0]) / 3.0), 0.5
+    weights = {1: 0.75, 2: -0.15, 3: 1.0 / 60.0}
+    steps = [(w * sign, n * sign * h) for n, w in weights.items() for sign in (1.0, -1.0)]
+    slope = sum(w * cubic(mass, 20.0, 300.0 + dk, 0.4, t)[0] for w, dk in steps) / h
+    paths = [f"joint_spring.hardening.higher_stiffness[{n}]" for n in (0, 1)]
+    found = trajectory_sensitivity(case, lambda c: c.initial_state, t, paths, 1e-12)
+    assert found.p_WB[1, :, 0] @ along == pytest.approx(slope, abs=1e-9)
+    assert np.max(np.abs(found.p_WB[0, :, 0])) > 1e-3
 
 
 @pytest.mark.parametrize("x", [-0.3, 0.0, 0.4])
