@@ -11,9 +11,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from consilience.engine import nonlinear_part
 from consilience.mechanism import Array, Control, Friction, Function, JointSpring, friction_law, spring_damper_law
-from consilience_dart.translation import Axis, Model
+from consilience_dart.translation import Axis, Model, own_part, remainder
 
 Law = Callable[[float, float, float], tuple[float, float]]
 """Effort f and slope ``-df/dq'`` (not below zero), from time, coordinate and rate."""
@@ -26,8 +25,8 @@ def _actuator(motion: Function) -> Law:
 
 
 def _higher(spring: JointSpring) -> Law:
-    """Return the law of a joint spring without its linear part, which DART has."""
-    stiffness, damping = nonlinear_part(spring).laws
+    """Return the law of a joint spring without the part that DART has."""
+    stiffness, damping = remainder(spring).laws
 
     def law(t: float, q: float, rate: float) -> tuple[float, float]:
         effort, slope = spring_damper_law(q - spring.rest, rate, stiffness, damping)
@@ -68,9 +67,9 @@ def efforts(model: Model, integrals: Array) -> list[Effort]:
 
 
 def nonlinear_energy(model: Model) -> float:
-    """Return the potential energy in J of joint springs without their linear parts, at the skeleton's present state."""
+    """Return the potential energy in J of what DART lacks of joint springs, at the skeleton's present state."""
     springs = (s for s in model.mechanism.joint_springs if not s.is_linear)
-    return sum(float(nonlinear_part(s).potential(model.axes[s.joint, s.coordinate].value)) for s in springs)
+    return sum(float(remainder(s).potential(model.axes[s.joint, s.coordinate].value)) for s in springs)
 
 
 def dampers(model: Model, all_efforts: list[Effort]) -> dict[int, float]:
@@ -82,7 +81,7 @@ def dampers(model: Model, all_efforts: list[Effort]) -> dict[int, float]:
     for spring in model.mechanism.joint_springs:
         index = model.axes[spring.joint, spring.coordinate].index
         if index in own:
-            own[index] += spring.damping
+            own[index] += own_part(spring).damping
     return own
 
 

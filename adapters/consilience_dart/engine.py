@@ -109,7 +109,7 @@ class DartEngine:
         return EngineInfo("DART", dartpy.__version__, "consilience_dart")
 
     def unsupported(self, mechanism: Mechanism, question: Question) -> tuple[Unsupported, ...]:
-        """Return features without a translation, and joint springs and dampers below zero.
+        """Return features without a translation, and linear joint springs and dampers below zero.
 
         For a trajectory also constraints that no integrator can keep in this mechanism.
         """
@@ -124,7 +124,7 @@ class DartEngine:
         return refused + tuple(
             Unsupported(f"joint spring '{spring.name}' with a negative coefficient", reason)
             for spring in mechanism.joint_springs
-            if min(spring.stiffness, spring.damping) < 0.0
+            if spring.is_linear and min(spring.stiffness, spring.damping) < 0.0
         )
 
     def methods(self, mechanism: Mechanism, question: Question) -> tuple[Method, ...]:

@@ -12,7 +12,7 @@ from consilience.engine.native import ELEMENTS, JET, SOLVE, Places, element_data
 from consilience.mechanism import GROUND, RANK_TOLERANCE, Link, Mechanism, State
 from consilience_dart.export_script import CODE, RUN
 from consilience_dart.state import from_state, send
-from consilience_dart.translation import CREATORS, SCREW, Model, build, sprung
+from consilience_dart.translation import CREATORS, SCREW, Model, build, remainder, sprung
 
 
 def _links(model: Model) -> list[list[Any]]:
@@ -54,7 +54,7 @@ def _places(model: Model) -> Places:
         owner = next(link.name for link, own in zip(links, model.joints, strict=True) if own is place.joint)
         return [owner, place.sign]
 
-    return Places(frame, axis, own_springs=True)
+    return Places(frame, axis, exerted=remainder)
 
 
 def export_model(title: str, mechanism: Mechanism, state: State) -> dict[str, str]:

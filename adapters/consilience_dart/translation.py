@@ -176,11 +176,25 @@ def sprung(mechanism: Mechanism, tree: Tree) -> dict[int, list[JointSpring]]:
     return found
 
 
+def own_part(spring: JointSpring) -> JointSpring:
+    """Return the linear part of a joint spring that DART's joint has: of one that is not linear, nothing below zero."""
+    if spring.is_linear:
+        return spring
+    return replace(spring, stiffness=max(spring.stiffness, 0.0), damping=max(spring.damping, 0.0))
+
+
+def remainder(spring: JointSpring) -> JointSpring:
+    """Return what a joint spring has beside its actuator and its `own_part`."""
+    own = own_part(spring)
+    left = {"stiffness": spring.stiffness - own.stiffness, "damping": spring.damping - own.damping}
+    return replace(spring, actuator=None, **left)
+
+
 def _add_joint_springs(mechanism: Mechanism, tree: Tree, joints: list[Any]) -> float:
     """Give DART's joints their springs and dampers; return the energy that merging several on one joint loses."""
     offset = 0.0
     for i, springs in sprung(mechanism, tree).items():
-        stiffness, damping, rest, lost = merged_spring(springs)
+        stiffness, damping, rest, lost = merged_spring([own_part(spring) for spring in springs])
         joints[i].setSpringStiffness(0, stiffness)
         joints[i].setDampingCoefficient(0, damping)
         joints[i].setRestPosition(0, -rest if tree.links[i].reversed else rest)

@@ -135,6 +135,15 @@ def backward():
     )
 
 
+def double_well():
+    """Springs whose linear parts push away from their rests, and a damper whose linear part drives."""
+    base = hardening()
+    springs = (dataclasses.replace(s, stiffness=-3.0) for s in base.joint_springs)
+    first, *rest = springs
+    first = dataclasses.replace(first, damping=-0.1, higher_damping=(0.0, 0.4))
+    return dataclasses.replace(base, name="double_well", joint_springs=(first, *rest))
+
+
 MORE = {
     "powered_four_bar": powered_loop(LOOPS["four_bar"]),
     "powered_slider_crank": powered_loop(LOOPS["slider_crank"]),
@@ -148,6 +157,7 @@ MORE = {
     "screw_closes_loop": screw_loop({"j2": "screw", "j3": "cylindrical"}),
     "skate_in_loop": dataclasses.replace(LOOPS["loop_spherical"], skates=edge("b")),
     "hardening": hardening(),
+    "double_well": double_well(),
     "worked_rolling": worked(ELEMENTS["rolling_disc"], "j1"),
     "driven_rolling": driven_loop(ELEMENTS["rolling_torus"], "j1", "angle", SWEEP),
 }

@@ -22,7 +22,15 @@ from typing import Any
 from consilience.engine.harness_solvers import solve_constrained
 from consilience.engine.native.script import function_data
 from consilience.errors import InvalidInput
-from consilience.mechanism import Array, Function, Mechanism, friction_law, rolling_contact, spring_damper_law
+from consilience.mechanism import (
+    Array,
+    Function,
+    JointSpring,
+    Mechanism,
+    friction_law,
+    rolling_contact,
+    spring_damper_law,
+)
 
 
 @dataclass(frozen=True)
@@ -35,13 +43,13 @@ class Places:
         From body: owner, origin and axes of the body in the frame of the owner.
     axis : callable
         From joint and coordinate: the place of the coordinate for the script, often owner and sign.
-    own_springs : bool
-        The engine has linear springs and dampers of joints; only the actuators and what is not linear are data.
+    exerted : callable
+        From joint spring: the part of the spring and damper that the script exerts; default: all, the engine has none.
     """
 
     frame: Callable[[str], list[Any]]
     axis: Callable[[str, str], list[Any]]
-    own_springs: bool = False
+    exerted: Callable[[JointSpring], JointSpring] = lambda spring: spring
 
     def point(self, body: str, p: Array) -> list[Any]:
         """Return the owner of a body, and a point of the body in the frame of the owner."""
@@ -81,7 +89,7 @@ def _forces(m: Mechanism, at: Places) -> dict[str, Any]:
 def _efforts(m: Mechanism, at: Places) -> dict[str, Any]:
     efforts: list[dict[str, Any]] = []
     for s in m.joint_springs:
-        spring, damper = ((0.0, *law[1:]) if at.own_springs else law for law in s.laws)
+        spring, damper = at.exerted(s).laws
         own = {"spring": spring, "damper": damper, "rest": s.rest} if any((*spring, *damper)) else {}
         if own or s.actuator:
             efforts.append({"axis": at.axis(s.joint, s.coordinate), **own, "f": _law(s.actuator)})
