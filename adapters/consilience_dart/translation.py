@@ -186,8 +186,8 @@ def own_part(spring: JointSpring) -> JointSpring:
 def remainder(spring: JointSpring) -> JointSpring:
     """Return what a joint spring has beside its actuator and its `own_part`."""
     own = own_part(spring)
-    left = {"stiffness": spring.stiffness - own.stiffness, "damping": spring.damping - own.damping}
-    return replace(spring, actuator=None, **left)
+    stiffness, damping = spring.stiffness - own.stiffness, spring.damping - own.damping
+    return replace(spring, actuator=None, stiffness=stiffness, damping=damping)
 
 
 def _add_joint_springs(mechanism: Mechanism, tree: Tree, joints: list[Any]) -> float:
