@@ -18,6 +18,8 @@ from consilience.engine.worker.client import Reply
 from consilience.engine.worker.requests import perform
 from consilience.reference.kernel.cache import SOURCES, digest, kernels_folder, one_process
 from consilience.reference.steppers.driver import integrate
+from consilience.reference.tree.solver import prepare
+from consilience.reference.tree.system import system_record
 from consilience.suite import QUICK, suite, warm_up
 from kernels import copy_kernels, numba_folder
 
@@ -166,6 +168,25 @@ def test_the_second_process_is_asked_for_all_compiled_motions_of_the_first_formu
         (name, method) for name in ("four_bar", "double_pendulum") for method in ("relative, Gauss", "relative")
     ]
     assert all(len(one.times) == 1 for one in motions)
+
+
+def test_a_motion_by_series_compiles_no_derivative():
+    """Compilation takes a first run most of its time, and Taylor's method asks the mechanism for no derivative."""
+    code = (
+        "from consilience.case import load_case\nfrom consilience.reference import simulate\n"
+        "from consilience.reference.tree import system\ncase = load_case('double_pendulum')\n"
+        "simulate(case.mechanism, case.initial_state, case.times[:2], formulation='relative')\n"
+        "print(len(system.serve_states._compiled), len(system.serve._compiled))"
+    )
+    environment = {name: value for name, value in os.environ.items() if name != "NUMBA_DISABLE_JIT"}
+    found = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert found.stdout.split() == ["1", "0"]
+
+
+@pytest.mark.parametrize(("name", "elements"), [("four_bar", False), ("adams_rot_spring", True), ("gear_pair", True)])
+def test_kernels_of_space_have_no_elements_where_the_mechanism_has_none(name, elements):
+    arrays = prepare(load_case(name).mechanism, in_space=True).tree_system
+    assert (system_record(arrays, tree_alone=False).elements is not None) == elements
 
 
 def test_a_kernel_is_compiled_by_one_process_at_a_time(monkeypatch, tmp_path):

@@ -32,18 +32,11 @@ from consilience.mechanism.elements import NO_LENGTH
 from consilience.mechanism.rates import LEAST_SPEED
 from consilience.reference.bodies.arrays import flatten, pack, workspace
 from consilience.reference.bodies.canonical import canonical_motion, sample_times
+from consilience.reference.bodies.consistency import check_given, check_motion, check_solvable
 from consilience.reference.bodies.forces import count_turns
-from consilience.reference.bodies.residual import (
-    SOLVABLE,
-    CheckedRows,
-    check_given,
-    check_motion,
-    check_solvable,
-    solvable_rows,
-)
+from consilience.reference.bodies.residual import SOLVABLE, checked_rows, solvable_rows
 from consilience.reference.formulations import registry
 from consilience.reference.integrators.step_control import STATUS
-from consilience.reference.kernel.mechanism_record import record_array
 from consilience.reference.steppers.driver import counts_of
 from consilience.reference.tree.solver import INTEGRATORS, simulate_relative
 
@@ -240,7 +233,7 @@ def _checked(
         samples = zip(found.p_WB, found.quat_WB, found.v_WB_W, found.w_WB_W, strict=True)
         states = np.array([pack(mechanism, State(*sample)) for sample in samples])
         label = f"reference, {formulation}, tolerance {tolerance:g}"
-        check_motion(mechanism, record_array(CheckedRows(model)), model, times, states, allowed, label)
+        check_motion(mechanism, checked_rows(model), model, times, states, allowed, label)
     return found
 
 
@@ -267,7 +260,7 @@ def _compiled(mechanism: Mechanism, state: State, times: Array, tolerance: float
     status = compiled_dop853.integrate(number, model, y, times, float(tolerance), ws, motion, scratch)
     if status:
         raise NumericalFailure(f"{label}: {STATUS[status]}")
-    check_motion(mechanism, record_array(CheckedRows(model)), model, times, motion, tolerance, label)
+    check_motion(mechanism, checked_rows(model), model, times, motion, tolerance, label)
     p, quat, v, w = canonical_motion(np.array([b.com for b in mechanism.bodies]), motion)
     return TrajectoryAnswer(times, p, quat, v, w, counts_of(scratch.run))
 

@@ -11,10 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from consilience.errors import InvalidInput, NumericalFailure
-from consilience.mechanism import RANK_TOLERANCE, Array, Mechanism, row_names
+from consilience.mechanism import Array
 from consilience.reference.bodies import constraints
-from consilience.reference.bodies.arrays import DISTANCE, ROWS, Model, Workspace, workspace
+from consilience.reference.bodies.arrays import DISTANCE, Model, Workspace, all_rows, workspace
 from consilience.reference.bodies.constraints import rolling_contact
 from consilience.reference.bodies.joint_rows import TURN, FrameMotion, frame_motion, full_turns
 from consilience.reference.bodies.mass_metric import factorise, solve_factor_transposed
@@ -43,6 +42,18 @@ class CheckedRows(NamedTuple):
     """Record of the kernels of this module."""
 
     model: Model
+    others: Array | None  # empty; None where all rows are those of joints, and kernels have no code for others
+
+
+def other_rows(model: Model) -> Array | None:
+    """Return the mark of rows of drives, couplings, rolling bodies and skates; None where there are none."""
+    return np.zeros(0) if all_rows(model) > len(model.row_kind) else None
+
+
+def checked_rows(model: Model) -> CheckedRows:
+    """Return the rows of a model as a record array."""
+    rows: CheckedRows = record_array(CheckedRows(model, other_rows(model)))
+    return rows
 
 
 class SolvableRows(NamedTuple):
@@ -55,7 +66,7 @@ class SolvableRows(NamedTuple):
 
 def solvable_rows(model: Model) -> SolvableRows:
     """Return the rows of a model with new work arrays."""
-    return SolvableRows(model, record_array(CheckedRows(model)), workspace(model))
+    return SolvableRows(model, checked_rows(model), workspace(model))
 
 
 @fused
@@ -194,21 +205,26 @@ def _contacts(model: Model, y: Array, A: Array, length: float, first: int, found
 
 
 @fused
-def _compare_by(model: Model, t: float, dt: float, y: Array, A: Array, length: float, found: Array) -> None:
+def _compare_by(
+    model: Model, others: Array | None, t: float, dt: float, y: Array, A: Array, length: float, found: Array
+) -> None:
     """Compare all rows of a state with the sizes that follow from a length and the fastest motion so far."""
     row = _joints(model, y, A, length, found)
-    row = _drives(model, t, y, A, length, row, found)
-    row = _couplings(model, y, A, dt, length, row, found)
-    _contacts(model, y, A, length, row, found)
+    if others is not None:
+        row = _drives(model, t, y, A, length, row, found)
+        row = _couplings(model, y, A, dt, length, row, found)
+        _contacts(model, y, A, length, row, found)
 
 
 @inner
-def compare_rows(model: Model, t: float, dt: float, y: Array, A: Array, found: Array) -> None:
+def compare_rows(model: Model, others: Array | None, t: float, dt: float, y: Array, A: Array, found: Array) -> None:
     """Compare all rows of a state with their sizes; `found` keeps the largest ratio.
 
     Parameters
     ----------
     model : Model
+    others : ndarray or None
+        See `CheckedRows`.
     t : float, s
     dt : float, s
         Time since the state before.
@@ -217,7 +233,7 @@ def compare_rows(model: Model, t: float, dt: float, y: Array, A: Array, found: A
         Rotation matrices of y.
     found : ndarray, shape (TURNS + 2 couplings,)
     """
-    _compare_by(model, t, dt, y, A, _reach_and_speed(model, y, found), found)
+    _compare_by(model, others, t, dt, y, A, _reach_and_speed(model, y, found), found)
 
 
 @inner
@@ -228,12 +244,25 @@ def set_slowest(model: Model, times: Array, found: Array) -> None:
 
 
 @kernel
-def _first_violation(rows: CheckedRows, times: Array, states: Array, A: Array, limit: float, found: Array) -> int:
+def first_violation(rows: CheckedRows, times: Array, states: Array, A: Array, limit: float, found: Array) -> int:
     """Return the first of the packed states whose largest ratio is above a limit; -1: none.
 
     Sizes grow with the reach and speed of the bodies: most motions are below the limit already by the least sizes.
+
+    Parameters
+    ----------
+    rows : CheckedRows
+        As a record array.
+    times : ndarray, shape (n_t,), s
+    states : ndarray, shape (n_t, n_b + n_e, 13)
+    A : ndarray, shape (n_b, 3, 3)
+        Work array: rotation matrices.
+    limit : float
+    found : ndarray, shape (TURNS + 2 couplings,)
+        Overwritten by the largest residual: see the module.
     """
-    model = fields_of(rows).model
+    by = fields_of(rows)
+    model, others = by.model, by.others
     for by_reach in range(2):
         found[:] = 0.0
         set_slowest(model, times, found)
@@ -241,7 +270,8 @@ def _first_violation(rows: CheckedRows, times: Array, states: Array, A: Array, l
         for n in range(times.shape[0]):
             rotations(states[n], A)
             length = _reach_and_speed(model, states[n], found) if by_reach else model.length
-            _compare_by(model, times[n], times[n] - times[n - 1] if n else 0.0, states[n], A, length, found)
+            since = times[n] - times[n - 1] if n else 0.0
+            _compare_by(model, others, times[n], since, states[n], A, length, found)
             if found[RATIO] > limit:
                 at = n
                 break
@@ -251,8 +281,21 @@ def _first_violation(rows: CheckedRows, times: Array, states: Array, A: Array, l
 
 
 @kernel
-def _unsolved(rows: CheckedRows, t: float, y: Array, turns: Array, ws: Workspace, found: Array) -> None:
-    """Compare what accelerations of least norm leave of gamma with the largest gamma."""
+def unsolved(rows: CheckedRows, t: float, y: Array, turns: Array, ws: Workspace, found: Array) -> None:
+    """Compare what accelerations of least norm leave of gamma with the largest gamma.
+
+    Parameters
+    ----------
+    rows : CheckedRows
+        As a record array.
+    t : float, s
+    y : ndarray, shape (n_b + n_e, 13)
+    turns : ndarray, shape (n_c,)
+    ws : Workspace
+        Overwritten.
+    found : ndarray, shape (TURNS,)
+        Overwritten by the largest residual: see the module.
+    """
     model = fields_of(rows).model
     rotations(y, ws.A)
     constraints.evaluate(model, t, y, turns, ws)
@@ -283,112 +326,3 @@ def row_size(model: Model, row: int) -> float:
     if n < model.coupling.shape[0]:
         return model.length if model.coordinate[model.coupling[n].coordinate].kind == DISTANCE else 1.0
     return model.length
-
-
-def _row_name(mechanism: Mechanism, model: Model, row: int) -> str:
-    """Return the name of a row of a model, which may have a part of the joint rows of the mechanism."""
-    joint_rows = len(model.row_kind)
-    if row >= joint_rows:
-        others = row_names(mechanism, [], velocities=True)[sum(len(j.rows) for j in mechanism.joints) :]
-        return others[row - joint_rows]
-    joint = mechanism.joints[int(np.searchsorted(model.first_row, row, side="right")) - 1]
-    return f"joint '{joint.name}', constraint {ROWS[model.row_kind[row]]}"
-
-
-def refuse_inconsistent(mechanism: Mechanism, model: Model, found: Array, t: float) -> None:
-    """Refuse a given state for its largest ratio of residual to size.
-
-    Raises
-    ------
-    InvalidInput
-        With the row and its residual.
-    """
-    _, row, level, size = found[:SPEED]
-    what = "is violated" if level == POSITION else "has a wrong rate,"
-    raise InvalidInput(
-        f"state of mechanism '{mechanism.name}'",
-        f"at t = {t:g} s {_row_name(mechanism, model, int(row))} {what} by {size:.3g}",
-        "Give a consistent state (consilience.initial_state), or let it be assembled: assemble=True.",
-    )
-
-
-def check_given(mechanism: Mechanism, model: Model, times: Array, y: Array) -> None:
-    """Refuse a packed state y at ``times[0]`` that is not consistent.
-
-    Raises
-    ------
-    InvalidInput
-    """
-    found, A, rows = np.zeros(TURNS + 2 * len(model.coupling)), np.empty((len(model.mass), 3, 3)), CheckedRows(model)
-    if _first_violation(record_array(rows), times[:1], y[None], A, CONSISTENT, found) >= 0:
-        refuse_inconsistent(mechanism, model, found, times[0])
-
-
-def check_motion(
-    mechanism: Mechanism, rows: CheckedRows, model: Model, times: Array, states: Array, tolerance: float, label: str
-) -> None:
-    """Refuse a motion with a sample at which rows are violated beyond the tolerance (and beyond `CONSISTENT`).
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-    rows : CheckedRows
-        Record array of `model`.
-    model : Model
-        Of the mechanism, with all rows or with those to check.
-    times : ndarray, shape (n_t,), s
-    states : ndarray, shape (n_t, n_b + n_e, 13)
-        Packed states.
-    tolerance : float
-    label : str
-        How the motion was computed.
-
-    Raises
-    ------
-    NumericalFailure
-        With the time, the row and its residual.
-    """
-    found, A = np.zeros(TURNS + 2 * len(model.coupling)), np.empty((len(model.mass), 3, 3))
-    n = _first_violation(rows, times, states, A, max(tolerance, CONSISTENT), found)
-    if n < 0:
-        return
-    _, row, level, size = found[:SPEED]
-    what = "" if level == POSITION else "the rate of "
-    raise NumericalFailure(
-        f"{label}: at t = {times[n]:.6g} s {what}{_row_name(mechanism, model, int(row))} stays wrong by {size:.3g}: "
-        "the constraints contradict each other there, or the mechanism locks"
-    )
-
-
-def check_solvable(mechanism: Mechanism, solvable: SolvableRows, t: float, y: Array) -> None:
-    """Refuse a consistent packed state y at which no accelerations satisfy all rows, ``Q a = gamma``.
-
-    Dependent rows may agree at a pose and contradict each other behind it: a mechanism can move at the pose alone, or
-    drives contradict each other.
-
-    Raises
-    ------
-    NumericalFailure
-        With the row.
-    """
-    model, rows, ws = solvable
-    found = np.zeros(TURNS)
-    _unsolved(rows, t, y, np.zeros(len(model.coordinate)), ws, found)
-    if found[RATIO] > SOLVABLE:
-        raise NumericalFailure(
-            f"mechanism '{mechanism.name}': at t = {t:g} s no accelerations satisfy at once "
-            f"{_contradiction(mechanism, model.length, ws)}: it can move at this pose alone and locks, its velocities "
-            "lead along no motion, or drives contradict each other"
-        )
-
-
-def _contradiction(mechanism: Mechanism, length: float, ws: Workspace) -> str:
-    """Return the joints and elements with rows in the part of gamma that no accelerations reach, drives first."""
-    Q = ws.Q * np.tile(np.repeat([length, 1.0], 3), len(mechanism.bodies))
-    norms = np.linalg.norm(Q, axis=1)
-    U, singular, _ = np.linalg.svd(Q / norms[:, None])
-    unreached = U[:, int(np.sum(singular > RANK_TOLERANCE * singular[0])) :]
-    left = np.abs(unreached @ (unreached.T @ (ws.gamma / norms)))
-    names = [name.partition(",")[0] for name in row_names(mechanism, [], velocities=True)]
-    found = dict.fromkeys(name for name, part in zip(names, left, strict=True) if part > 1e-3 * np.max(left))
-    return ", ".join(sorted(found, key=lambda name: not name.startswith("drive")))

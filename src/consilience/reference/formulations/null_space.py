@@ -17,6 +17,7 @@ from consilience.reference.bodies import constraints, forces
 from consilience.reference.bodies.arrays import Model, Workspace
 from consilience.reference.bodies.mass_metric import mass_matrix
 from consilience.reference.bodies.motion import rotations
+from consilience.reference.kernel.cholesky import cholesky, solve_lower, solve_lower_transposed
 from consilience.reference.kernel.compiled import allocating
 
 
@@ -65,10 +66,10 @@ def solve_reduced(model: Model, f: Array, J: Array, abar: Array, a: Array) -> in
     if freedom > 0:
         M = mass_matrix(model)
         reduced, force = J.T @ (M @ J), J.T @ (f - M @ abar)
-        if not (np.all(np.isfinite(reduced)) and np.all(np.isfinite(force))):
-            a[:] = np.nan  # LAPACK would raise; the integrator reports NaN
-            return 0
-        a += J @ np.linalg.solve(reduced, force)
+        cholesky(reduced)
+        solve_lower(reduced, force)
+        solve_lower_transposed(reduced, force)
+        a += J @ force
     return a.shape[0] - freedom
 
 

@@ -41,7 +41,8 @@ from consilience.reference.bodies.spanning_tree import (
     world_wrenches,
     write_accelerations,
 )
-from consilience.reference.kernel.compiled import allocating, inner
+from consilience.reference.kernel.cholesky import cholesky, solve_lower, solve_lower_transposed
+from consilience.reference.kernel.compiled import allocating
 from consilience.reference.kernel.factorisation import least_norm, pivoted_qr
 
 
@@ -51,38 +52,6 @@ class Articulated(NamedTuple):
     L: Array  # (n_b, 6, 6) Cholesky factor of D = S^T I^A S, in the first rows and columns
     W: Array  # (N, 6) L^-1 S^T I^A
     inertia: Array  # (n_b, 6, 6) I^a = I^A - W^T W
-
-
-# ---------------------------------------------------------------- triangular systems
-
-
-@inner
-def _cholesky(H: Array) -> None:
-    """Replace the lower triangle of H by its Cholesky factor."""
-    for r in range(H.shape[0]):
-        for s in range(r + 1):
-            total = H[r, s]
-            for k in range(s):
-                total -= H[r, k] * H[s, k]
-            H[r, s] = np.sqrt(total) if r == s else total / H[s, s]
-
-
-@inner
-def _solve_lower(G: Array, x: Array) -> None:
-    """Solve ``x <- G^-1 x`` in place."""
-    for r in range(x.shape[0]):
-        for k in range(r):
-            x[r] -= G[r, k] * x[k]
-        x[r] /= G[r, r]
-
-
-@inner
-def _solve_lower_transposed(G: Array, x: Array) -> None:
-    """Solve ``x <- G^-T x`` in place."""
-    for r in range(x.shape[0] - 1, -1, -1):
-        for k in range(r + 1, x.shape[0]):
-            x[r] -= G[k, r] * x[k]
-        x[r] /= G[r, r]
 
 
 # ---------------------------------------------------------------- articulated bodies
@@ -99,9 +68,9 @@ def articulate(tree: TreeModel, links: TreeState) -> Articulated:
             S, L, W = links.S[first:last], art.L[k, : last - first, : last - first], art.W[first:last]
             W[:, :] = S @ art.inertia[k]  # U^T = S^T I^A
             L[:, :] = W @ S.T  # D = S^T U
-            _cholesky(L)
+            cholesky(L)
             for m in range(6):
-                _solve_lower(L, W[:, m])
+                solve_lower(L, W[:, m])
             art.inertia[k] -= W.T @ W  # I^a = I^A - U D^-1 U^T
         if p >= 0:
             art.inertia[p] += links.X[k].T @ art.inertia[k] @ links.X[k]
@@ -128,7 +97,7 @@ def innovations(tree: TreeModel, links: TreeState, art: Articulated, wrench: Arr
         width = last - first
         if width > 0:
             e[first:last] = -(links.S[first:last] @ bias[k])
-            _solve_lower(art.L[k, :width, :width], e[first:last])
+            solve_lower(art.L[k, :width, :width], e[first:last])
         if p >= 0:
             bias[k] += art.inertia[k] @ c[k]
             if width > 0:
@@ -152,7 +121,7 @@ def accelerate(tree: TreeModel, links: TreeState, art: Articulated, e: Array) ->
             acc[k] += links.X[k] @ acc[p]
         if width > 0:
             u = e[first:last] - art.W[first:last] @ acc[k]
-            _solve_lower_transposed(art.L[k, :width, :width], u)
+            solve_lower_transposed(art.L[k, :width, :width], u)
             acc[k] += links.S[first:last].T @ u
     return acc
 
@@ -224,7 +193,7 @@ def newton_euler(tree: TreeModel, links: TreeState, wrench: Array) -> Array:
 def _from_whitened(tree: TreeModel, links: TreeState, G: Array, e: Array) -> Array:
     """Compute the accelerations of the links with ``u = G^-T e``."""
     u = e.copy()
-    _solve_lower_transposed(G, u)
+    solve_lower_transposed(G, u)
     return joint_motion(tree, links, u)
 
 
@@ -330,9 +299,9 @@ def composite_accelerations(
     forces.evaluate(model, t, y, turns, ws)
     links = kinematics(tree, model, y, ws.A)
     G = composite_mass_matrix(tree, links)
-    _cholesky(G)
+    cholesky(G)
     e = newton_euler(tree, links, world_wrenches(tree, ws.A, ws.f))
-    _solve_lower(G, e)
+    solve_lower(G, e)
     write_accelerations(tree, ws.A, _from_whitened(tree, links, G, e), a)
     tree_rank = a.shape[0] - e.shape[0]
     if tree.cut_rows == 0:
@@ -341,7 +310,7 @@ def composite_accelerations(
     B = np.empty((e.shape[0], Q.shape[0]))
     for row in range(Q.shape[0]):
         B[:, row] = joint_forces(tree, links, world_wrenches(tree, ws.A, Q[row]))
-        _solve_lower(G, B[:, row])
+        solve_lower(G, B[:, row])
     rank = close_loops(B, Q, gamma, a, e, largest_row(model, Q), ws.limit[0] - tree_rank)
     write_accelerations(tree, ws.A, _from_whitened(tree, links, G, e), a)
     return tree_rank + rank

@@ -104,7 +104,7 @@ def _is_regular_pivot(least: float, best: Array) -> bool:
 
 @fused
 def project_by_elimination(
-    closure: LoopClosure, spatial: SpatialArrays, elements: TreeElements, t: float, z: Array, at_sample: bool
+    closure: LoopClosure, spatial: SpatialArrays, elements: TreeElements | None, t: float, z: Array, at_sample: bool
 ) -> bool:
     """Project coordinates and speeds together, as `projection.project`; return whether the loops are closed.
 
@@ -143,7 +143,10 @@ def project_by_elimination(
         for n in range(u.shape[0]):
             z[closure.first_speed + n] += u[n]
         done = closed and last
-        if at_sample or elements.read_bodies or not done:
+        moved = at_sample or not done
+        if elements is not None:
+            moved = moved or elements.read_bodies
+        if moved:
             place_state(closure, spatial, elements, None, z)
         if done:
             return True
@@ -310,7 +313,7 @@ def project(
     if closure.loops.group.shape[0] == 0:
         return
     closed = False
-    if spatial is not None and elements is not None:
+    if spatial is not None:
         closed = project_by_elimination(closure, spatial, elements, t, z, at_sample)
     if not closed:
         _project_by_factorisation(closure, spatial, elements, planar, t, z)

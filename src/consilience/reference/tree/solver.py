@@ -12,19 +12,17 @@ from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Array, Mechanism, State
 from consilience.reference.bodies.arrays import Model, pack
 from consilience.reference.bodies.canonical import canonical_motion
+from consilience.reference.bodies.consistency import check_motion, check_solvable, refuse_inconsistent
 from consilience.reference.bodies.residual import (
     CONSISTENT,
     RATIO,
     CheckedRows,
     SolvableRows,
-    check_motion,
-    check_solvable,
-    refuse_inconsistent,
+    checked_rows,
     solvable_rows,
 )
 from consilience.reference.bodies.spanning_tree import TreeModel
 from consilience.reference.integrators.step_control import STATUS, UNSUITABLE
-from consilience.reference.kernel.mechanism_record import record_array
 from consilience.reference.steppers import explicit, gauss, radau13
 from consilience.reference.steppers.driver import (
     CompiledStepper,
@@ -44,8 +42,8 @@ from consilience.reference.tree.arrays import (
     with_own_arrays,
 )
 from consilience.reference.tree.planar_detection import planar_system
-from consilience.reference.tree.state import StatePacking, pack_compared
-from consilience.reference.tree.system import SystemRecord, serve, system_record
+from consilience.reference.tree.state import StatePacking, pack_compared, state_packing
+from consilience.reference.tree.system import SystemRecord, serve, serve_states, system_record
 
 _RESOLUTION = 3.0
 """Longest step, in points of a table or as part of the period of a harmonic, that misses no feature of a function."""
@@ -98,9 +96,9 @@ class PreparedMechanism(NamedTuple):
         except IndexError:
             arrays = with_own_arrays(self.tree_system)
             system = system_record(arrays, self.tree_alone)
-            given = (system,) if integrator == "taylor" else ()
+            operation, given = (serve_states, (system,)) if integrator == "taylor" else (serve, ())
             scales = arrays.tree.kind, arrays.tree.length
-            integration = new_integration(INTEGRATORS[integrator], *scales, (serve, system), *given)
+            integration = new_integration(INTEGRATORS[integrator], *scales, (operation, system), *given)
             return _WorkingArrays(system, integration, persistent_arrays(arrays, self.tree_system, self.tree_alone))
         for array, first in taken.persistent_arrays:
             array[...] = first
@@ -128,11 +126,11 @@ def prepare(mechanism: Mechanism, in_space: bool = False) -> PreparedMechanism:
     return PreparedMechanism(
         links,
         spanning,
-        record_array(StatePacking(links, spanning, model)),
+        state_packing(links, spanning, model),
         model,
         spanning.cut,
         links.residuals,
-        record_array(CheckedRows(spanning.cut)) if spanning.cut_rows else None,
+        checked_rows(spanning.cut) if spanning.cut_rows else None,
         solvable_rows(model),
         arrays,
         tree_alone,

@@ -14,7 +14,7 @@ from consilience.mechanism import Array, State
 from consilience.reference.bodies.arrays import Model, P, R, V, W
 from consilience.reference.bodies.joint_rows import frame_motion
 from consilience.reference.bodies.motion import rotations
-from consilience.reference.bodies.residual import compare_rows, set_slowest
+from consilience.reference.bodies.residual import compare_rows, other_rows, set_slowest
 from consilience.reference.bodies.spanning_tree import TreeModel
 from consilience.reference.kernel.compiled import inner, kernel
 from consilience.reference.kernel.mechanism_record import fields_of, record_array
@@ -29,11 +29,18 @@ class StatePacking(NamedTuple):
     links: TreeLinks
     spanning: TreeModel
     model: Model
+    others: Array | None  # see `bodies.residual.CheckedRows`
+
+
+def state_packing(links: TreeLinks, spanning: TreeModel, model: Model) -> StatePacking:
+    """Return the record array for `pack_state`."""
+    packing: StatePacking = record_array(StatePacking(links, spanning, model, other_rows(model)))
+    return packing
 
 
 def pack_relative(links: TreeLinks, spanning: TreeModel, model: Model, state: State) -> Array:
     """Return the state z of a canonical state; integrals of controllers are zero."""
-    return pack_state(links, record_array(StatePacking(links, spanning, model)), state)
+    return pack_state(links, state_packing(links, spanning, model), state)
 
 
 def pack_state(links: TreeLinks, packing: StatePacking, state: State) -> Array:
@@ -80,7 +87,7 @@ def _pack(packing: StatePacking, y: Array, A: Array, z: Array, times: Array, fou
     layout, direction, first_speed = links.layout, links.direction, links.first_speed
     _to_centres(links.com, y, A)
     set_slowest(model, times, found)
-    compare_rows(model, times[0], 0.0, y, A, found)
+    compare_rows(model, by.others, times[0], 0.0, y, A, found)
     for k in range(layout.shape[0]):
         p, X, v, w = frame_motion(model, y, A, spanning.joint[k])
         at, free, about = layout[k].coordinate, layout[k].free, layout[k].rotations

@@ -12,7 +12,7 @@ import numpy as np
 
 from consilience.mechanism import Array
 from consilience.reference.bodies.joint_rows import coordinate
-from consilience.reference.kernel.compiled import fused, inner
+from consilience.reference.kernel.compiled import fused, inlined, inner
 from consilience.reference.kernel.operation import Operation, array_of
 from consilience.reference.kernel.vectors import assign
 from consilience.reference.steppers.motion import BEGIN, DERIVATIVE, SAMPLE
@@ -52,11 +52,13 @@ class SystemRecord(NamedTuple):
 
 
 def system_record(arrays: TreeSystem, tree_alone: bool) -> SystemRecord:
-    """Return the record of a mechanism; `tree_alone` leaves loops and elements out."""
+    """Return the record of a mechanism; elements that it does not have are left out, with `tree_alone` its loops."""
     tree, closure, spatial, elements, planar = arrays
     kept = KeptRows(closure.qr.order.copy(), np.zeros(len(closure.qr.state), np.int64), np.zeros(1, np.int64))
-    found = SystemRecord(tree, closure, spatial, elements, planar, kept)
-    return found._replace(closure=None, elements=None) if tree_alone else found
+    joints_alone = elements is None or not elements.read_bodies
+    return SystemRecord(
+        tree, None if tree_alone else closure, spatial, None if joints_alone else elements, planar, kept
+    )
 
 
 @fused
@@ -144,23 +146,11 @@ def _keep_rows(closure: LoopClosure | None, kept: KeptRows, back: bool) -> None:
             assign(kept.rank, closure.rank_limit)
 
 
-@Operation
-def serve(system: SystemRecord, request: int, t: float, z: Array, out: Array) -> float:
-    """Answer the requests of integrators: see `steppers.motion.BEGIN`.
-
-    The rows that a sample selects are not those that the next step needs.
-
-    Parameters
-    ----------
-    system : SystemRecord
-    request, t, z, out : see `steppers.motion.ask`
-    """
+@inlined
+def _serve_states(system: SystemRecord, request: int, t: float, state: Array, result: Array) -> float:
+    """Project and record a state. The rows that a sample selects are not those that the next step needs."""
     tree, closure, spatial = system.tree, system.closure, system.spatial
-    elements, planar, kept = system.elements, system.planar, system.kept
-    state, result, longest = array_of(z), array_of(out), np.inf
-    if request == DERIVATIVE:
-        _differentiate(tree, closure, spatial, elements, planar, t, state, result)
-        return longest
+    elements, planar, kept, longest = system.elements, system.planar, system.kept, np.inf
     if request == BEGIN:
         _place_first(tree, elements, state)
     if request == SAMPLE:
@@ -173,3 +163,30 @@ def serve(system: SystemRecord, request: int, t: float, z: Array, out: Array) ->
     if result.shape[0]:
         _record(tree, spatial, planar, result)
     return longest
+
+
+@Operation
+def serve(system: SystemRecord, request: int, t: float, z: Array, out: Array) -> float:
+    """Answer the requests of integrators: see `steppers.motion.BEGIN`.
+
+    Parameters
+    ----------
+    system : SystemRecord
+    request, t, z, out : see `steppers.motion.ask`
+    """
+    state, result = array_of(z), array_of(out)
+    if request == DERIVATIVE:
+        _differentiate(system.tree, system.closure, system.spatial, system.elements, system.planar, t, state, result)
+        return np.inf
+    return _serve_states(system, request, t, state, result)
+
+
+@Operation
+def serve_states(system: SystemRecord, request: int, t: float, z: Array, out: Array) -> float:
+    """Answer the requests of an integrator that asks for no derivative: `serve` without what takes long to compile.
+
+    Parameters
+    ----------
+    system, request, t, z, out : see `serve`
+    """
+    return _serve_states(system, request, t, array_of(z), array_of(out))
