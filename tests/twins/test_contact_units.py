@@ -10,7 +10,7 @@ from consilience.case import load_case, load_cases
 from consilience.compare.motion import difference_over_time, size_of_motion
 from consilience.errors import InvalidInput
 from consilience.mechanism import Initial, Stop, Units, in_units, initial_state
-from consilience.reference.contact import contact_instant, simulate_with_contacts
+from consilience.reference.contact import contact_instant, simulate_with_contacts, simulate_with_impacts
 from mechanisms import chain
 from twins.test_units import scaled
 
@@ -37,6 +37,32 @@ def test_motions_with_contact_do_not_depend_on_units(name, units):
     assert back.event_time == pytest.approx(first.event_time, rel=1e-9)
     loss = np.max(first.contact_loss)
     assert back.contact_loss == pytest.approx(first.contact_loss, rel=1e-10, abs=1e-10 * loss)
+
+
+@pytest.mark.parametrize(
+    ("name", "units"),
+    [
+        ("shaken_table", Units(time=1e6)),  # without impacts; it ended where forces counted in SI units
+        ("bouncing_table", Units(1e-3, 1e3)),
+        ("rod_hits_floor-forward", Units(1e3, time=1e-3)),
+    ],
+)
+def test_records_of_impacts_do_not_depend_on_units(name, units):
+    """Dimensions of all fields: impulses in N s, their moments in N m s, energies in J."""
+    case, times = load_case(name), np.linspace(0.0, 0.8, 9)
+    own = scaled(case, units)
+    motion, first = simulate_with_impacts(case.mechanism, case.initial_state, times, case.mechanism.contacts)
+    again, other = simulate_with_impacts(own.mechanism, own.initial_state, times * units.time, own.mechanism.contacts)
+    assert units.inverse.convert(again).p_WB == pytest.approx(motion.p_WB, abs=1e-11)
+    assert len(first) == len(other)
+    for a, b in zip(first, [impact.in_units(units.inverse) for impact in other], strict=True):
+        assert b.contacts == a.contacts
+        assert b.modes == a.modes
+        for field in ("v_WB_W", "w_WB_W"):
+            assert getattr(b.after, field) == pytest.approx(getattr(a.after, field), rel=1e-9, abs=1e-10)
+        for field in vars(a).keys() - {"contacts", "modes", "before", "after"}:
+            size = np.max(np.abs(getattr(a, field)), initial=0.0)
+            assert getattr(b, field) == pytest.approx(getattr(a, field), rel=1e-9, abs=1e-9 * size + 1e-12), field
 
 
 @pytest.mark.parametrize("units", [Units(1e-6), Units(1e6), Units(mass=1e-6)])

@@ -46,7 +46,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from consilience.errors import NumericalFailure
-from consilience.mechanism import Array, Contact, Mechanism, State, characteristic_length
+from consilience.mechanism import Array, Contact, Mechanism, State, Units, characteristic_length
 from consilience.reference.bodies.arrays import unpack
 from consilience.reference.bodies.canonical import joint_wrenches
 from consilience.reference.contact.equations import ContactEquations
@@ -107,6 +107,27 @@ class Impact:
     energy_after: float
     restitution_loss: float
     friction_loss: float
+
+    def in_units(self, units: Units) -> Impact:
+        """Return the impact in other units."""
+        speed = units.length / units.time
+        impulse, energy = units.mass * speed, units.mass * speed**2
+        return replace(
+            self,
+            time=units.time * self.time,
+            normal=impulse * self.normal,
+            tangential=impulse * self.tangential,
+            velocity_before=speed * self.velocity_before,
+            velocity_after=speed * self.velocity_after,
+            force_F=impulse * self.force_F,
+            torque_F=impulse * units.length * self.torque_F,
+            before=units.convert(self.before),
+            after=units.convert(self.after),
+            energy_before=energy * self.energy_before,
+            energy_after=energy * self.energy_after,
+            restitution_loss=energy * self.restitution_loss,
+            friction_loss=energy * self.friction_loss,
+        )
 
 
 def solve_impact(

@@ -10,7 +10,16 @@ from __future__ import annotations
 from dataclasses import replace
 
 from consilience.engine import TrajectoryAnswer
-from consilience.mechanism import Array, Contact, Mechanism, State, kept_in_units, motion_units, telling_unit_of_time
+from consilience.mechanism import (
+    Array,
+    Contact,
+    Mechanism,
+    State,
+    Units,
+    kept_in_units,
+    motion_units,
+    telling_unit_of_time,
+)
 from consilience.reference.bodies.canonical import sample_times
 from consilience.reference.contact.impact import Impact
 from consilience.reference.contact.samples import ContactEvent
@@ -48,19 +57,14 @@ def simulate_with_contacts(
     NumericalFailure
         The laws of contact have no solution or several (Painleve), or the integration fails.
     """
-    times = sample_times(times)
-    units = motion_units(mechanism, times)
-    own, start, grid = kept_in_units(mechanism, units), units.convert(state), units.time * times
-    with telling_unit_of_time(units):
-        run = ContactSimulation(own, start, grid, tolerance, impacts)
-        answer = replace(units.inverse.convert(run.integrate(units.length)), time=times)
-    return answer, tuple(units.inverse.convert(event) for event in run.samples.in_order())
+    run, answer, back = _integrate(mechanism, state, sample_times(times), tolerance, impacts)
+    return answer, tuple(back.convert(event) for event in run.samples.in_order())
 
 
 def simulate_with_impacts(
     mechanism: Mechanism, state: State, times: Array, contacts: tuple[Contact, ...], tolerance: float = 1e-12
 ) -> tuple[TrajectoryAnswer, tuple[Impact, ...]]:
-    """Integrate in SI units, with these contacts in place of the mechanism's; return the impacts.
+    """Integrate with these contacts in place of the mechanism's; return the impacts.
 
     Parameters
     ----------
@@ -68,6 +72,17 @@ def simulate_with_impacts(
         As in `simulate_with_contacts`.
     contacts : tuple of contacts
     """
-    run = ContactSimulation(replace(mechanism, contacts=contacts), state, sample_times(times), tolerance)
-    answer = run.integrate()
-    return answer, tuple(impact.record(run.layout) for impact in run.impacts)
+    run, answer, back = _integrate(replace(mechanism, contacts=contacts), state, sample_times(times), tolerance)
+    return answer, tuple(impact.record(run.layout).in_units(back) for impact in run.impacts)
+
+
+def _integrate(
+    mechanism: Mechanism, state: State, times: Array, tolerance: float, impacts: str = "newton"
+) -> tuple[ContactSimulation, TrajectoryAnswer, Units]:
+    """Integrate in the mechanism's own units; return the simulation, the motion in SI units, and what leads back."""
+    units = motion_units(mechanism, times)
+    own, start, grid = kept_in_units(mechanism, units), units.convert(state), units.time * times
+    with telling_unit_of_time(units):
+        run = ContactSimulation(own, start, grid, tolerance, impacts)
+        answer = run.integrate(units.length)
+    return run, replace(units.inverse.convert(answer), time=times), units.inverse
