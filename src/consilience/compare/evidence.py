@@ -25,6 +25,10 @@ safety factor of doubtful ones to blame a model."""
 RESOLVED = 1.0
 """Largest angle in rad by which the fastest mode may turn in a step: six steps in a period."""
 
+LOST = 10.0
+"""Largest ratio of the difference of a motion to that of accelerations which an engine's solver loses at the states of
+`instant`: along a motion the equations may be worse conditioned by as much."""
+
 OTHER_LAW = 0.05
 """Largest difference to the motion under another law of contact, over that to the motion under the case's law, that
 leaves no doubt which law was solved."""
@@ -72,6 +76,9 @@ class Evidence:
         Whether judging ends at a singular pose.
     earlier : str
         Difference of the same engine at `model` or `instant`, in words; empty if there is none.
+    lost : float
+        Largest relative difference of accelerations at `instant` that the engine's solver loses, its own terms being
+        right (`other_methods`); zero if it loses none.
     impacts : bool
         Whether bodies hit one another before the horizon: where in a step is a matter of chance.
     together : float, s
@@ -115,6 +122,7 @@ class Evidence:
     asymptotic: bool = False
     softness: Softness | None = None
     earlier: str = ""
+    lost: float = 0.0
     velocities: float = 0.0
     remains: float = math.inf
     saturation: float = 0.0

@@ -17,6 +17,7 @@ from consilience.compare.instant import compare_instant, compare_model
 from consilience.compare.instants import Instants, instants_at
 from consilience.compare.judge import REFERENCE, at_singular_pose, reference_motion_of
 from consilience.compare.other_laws import answer_under, cause_of
+from consilience.compare.other_methods import lost_by_solver
 from consilience.compare.power_of_bars import at_first_states, instants_at_first_states, with_power
 from consilience.compare.published import dispute, start_against_published
 from consilience.compare.reference_motion import OtherLaw, ReferenceMotion
@@ -171,10 +172,11 @@ class TrajectoryJudge(QuestionJudge):
         """
         own = [run for run in levels if run is not self.references[0]]
         earlier, mechanism, motion = self._earlier(levels[0]), self.case.mechanism, self._motion(method_of(levels[0]))
-        compared = compare_trajectory(mechanism, own, motion, softer, earlier)
+        lost = lost_by_solver([c for c in self.before if c.engine == levels[0].engine])
+        compared = compare_trajectory(mechanism, own, motion, softer, earlier, lost)
         if self._first_singular is not None:
             up_to = replace(motion, singular=self._first_singular)
-            before = compare_trajectory(mechanism, own, up_to, softer, earlier)
+            before = compare_trajectory(mechanism, own, up_to, softer, earlier, lost)
             short = any(len(run.answer.time) < len(motion.answer.time) for run in own)
             if short or compared.verdict in (Verdict.MODEL, Verdict.UNRESOLVED) or before.rule == NO_POWER:
                 at = motion.answer.time[self._first_singular]

@@ -58,6 +58,12 @@ def _settled(one: Comparison, others: Sequence[Comparison]) -> Comparison:
     return one
 
 
+def lost_by_solver(settled: Sequence[Comparison]) -> float:
+    """Return the largest difference of accelerations that an engine's solver loses at the states; zero if none."""
+    own = [c for c in settled if c.rule == SOLVER_RULE and c.route is not Route.EXTRAPOLATED]
+    return max((q.difference for c in own for q in _accelerations(c)), default=0.0)
+
+
 def _by_the_solver(one: Comparison) -> bool:
     missed = [q for q in one.quantities if not q.met]
     most = EXTRAPOLATION if one.route is Route.EXTRAPOLATED else SOLVER

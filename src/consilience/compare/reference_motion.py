@@ -8,9 +8,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from consilience.compare.horizon import judged_samples
+from consilience.compare.motion import state_at
 from consilience.compare.power import MotionSensitivity
 from consilience.engine import EVENT_KINDS, TrajectoryAnswer
-from consilience.mechanism import Array, Mechanism, State, first_singular
+from consilience.mechanism import Array, Mechanism, State, fastest_rate, first_singular
 
 IMPACT, CLOSES, OPENS, SLIPS = (EVENT_KINDS.index(kind) for kind in ("impact", "closes", "opens", "slips"))
 
@@ -75,6 +76,8 @@ class ReferenceMotion:
         First sample at or behind a singular pose, at which judging ends; None if the motion is judged behind as well.
     other_law : OtherLaw or None
         Motion under the law of contact that the method solves; None if the method solves that of the case.
+    rates : dict
+        Fastest rates by sample, rad/s, as far as they have been asked for.
     """
 
     answer: TrajectoryAnswer
@@ -85,6 +88,14 @@ class ReferenceMotion:
     sensitivities: tuple[MotionSensitivity, ...] = ()
     singular: int | None = None
     other_law: OtherLaw | None = None
+    rates: dict[int, float] = field(default_factory=dict)
+
+    def fastest_rate(self, mechanism: Mechanism, sample: int) -> float:
+        """Return the fastest rate of the mechanism at a sample, rad/s, computed once for all methods of all engines."""
+        if sample not in self.rates:
+            state, time = state_at(self.answer, sample), float(self.answer.time[sample])
+            self.rates[sample] = fastest_rate(mechanism, state, time)
+        return self.rates[sample]
 
     @property
     def impacts(self) -> Array:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from consilience.compare.evidence import RESOLVED, Evidence
+from consilience.compare.evidence import LOST, RESOLVED, Evidence
 from consilience.compare.power import LARGEST
 from consilience.compare.result import Verdict
 from consilience.compare.uncertainty import CAUTIOUS, ROUNDING
@@ -219,6 +219,13 @@ RULES: tuple[Rule, ...] = (
             f"differs by {e.finest:.2g}; bodies hit one another at any phase of a step, and the levels differ too much"
             f"{_together_text(e)}"
         ),
+    ),
+    Rule(
+        "inexact solver",
+        Verdict.UNRESOLVED,
+        "the engine's own terms agree at `instant`, and its solver loses a tenth of the difference there or more",
+        lambda e: e.finest <= LOST * e.lost,
+        lambda e: f"differs by {e.finest:.2g}; at instants its solver loses {e.lost:.2g} and its terms agree",
     ),
     Rule(
         "no ladder",

@@ -30,13 +30,12 @@ from consilience.compare.motion import (
     sampled_motion,
     saturation,
     size_of_motion,
-    state_at,
 )
 from consilience.compare.reference_motion import ReferenceMotion, up_to_shortest
 from consilience.compare.result import CoarserLevel, Comparison, Level, Verdict, digits_of
 from consilience.compare.rules import ELSEWHERE, NO_POWER, decide
 from consilience.engine import Question, Run, TrajectoryAnswer
-from consilience.mechanism import Array, Mechanism, fastest_rate, turning_rate
+from consilience.mechanism import Array, Mechanism, turning_rate
 
 RESIDUAL_SAMPLES = 21
 RATE_SAMPLES = 3
@@ -135,7 +134,7 @@ class _Levels:
         """Return the largest difference of a motion to the reference up to the horizon."""
         return float(np.max(difference_over_time(motion, self.reference, self.scales.size)[: self.judged]))
 
-    def evidence(self, earlier: str = "") -> Evidence:
+    def evidence(self, earlier: str = "", lost: float = 0.0) -> Evidence:
         """Return the numbers by which the levels are judged."""
         last, time, ladder = max(self.judged - 1, 0), self.reference.time, self.ladder
         soft, hard_limit, method = *self._dependence(), self.runs[-1].method
@@ -154,6 +153,7 @@ class _Levels:
             asymptotic=ladder.asymptotic,
             softness=soft,
             earlier=earlier,
+            lost=lost,
             effects={s.of: float(s.effect[last]) for s in self.reference_motion.sensitivities},
             velocities=self._velocities(),
             remains=ladder.remains,
@@ -177,8 +177,7 @@ class _Levels:
         if method is None or not method.substeps or not step or self.judged < 1:
             return found
         answer, mechanism = self.reference, self.mechanism
-        some = kept_samples(self.judged, RATE_SAMPLES)
-        rate = max(fastest_rate(mechanism, state_at(answer, n), float(answer.time[n])) for n in some)
+        rate = max(self.reference_motion.fastest_rate(mechanism, n) for n in kept_samples(self.judged, RATE_SAMPLES))
         turning = turning_rate(mechanism, sampled_motion(answer), answer.time)
         return replace(found, step=step, rate=rate, turning=turning)
 
@@ -287,6 +286,7 @@ def compare_trajectory(
     reference_motion: ReferenceMotion,
     softer: Sequence[Run] = (),
     earlier: str = "",
+    lost: float = 0.0,
 ) -> Comparison:
     """Judge the levels of one method, coarse to fine.
 
@@ -299,11 +299,13 @@ def compare_trajectory(
         Runs of the finest level at the scales of `softness.SCALES`, if the engine has a softness.
     earlier : str
         Difference of the engine at `model` or `instant`, in words.
+    lost : float
+        See `evidence.Evidence`.
     """
     levels, method = _Levels(mechanism, runs, reference_motion, softer), runs[0].method
     assert method is not None
     ladder, reference, growth = levels.ladder, levels.reference, levels.reference_motion.growth
-    evidence = levels.evidence(earlier)
+    evidence = levels.evidence(earlier, lost)
     rule, why = decide(evidence)
     samples = kept_samples(len(reference.time))
     return Comparison(

@@ -194,6 +194,7 @@ CAUSES: dict[str, str] = {
     "earlier layer": "The accelerations are already others, before anything is integrated.",
     "softness": "The engine's constraints are soft; harder ones lead to the reference.",
     "softness unclear": "The engine's constraints are soft; harder ones move the answer, but not to the reference yet.",
+    "inexact solver": "The engine's equations are right, and its solution of them is as inexact at instants.",
     "no ladder": "Not as accurate as asked, and there is only one step to judge by.",
     "unresolved rate": "The steps do not resolve how fast the forces change; smaller ones would, unless a force jumps.",
     "converged elsewhere": "Smaller steps no longer change the motion, and it is another one.",
