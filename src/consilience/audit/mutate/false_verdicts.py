@@ -7,6 +7,8 @@ say ``differs: model``. Duration, sample interval and with them the steps, and t
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from copy import deepcopy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,11 +16,11 @@ import numpy as np
 from consilience.audit.fuzz.population import specimen
 from consilience.audit.mutate.stated_power import PASSED, JudgedEngine, PlantedEngine
 from consilience.case import Case
-from consilience.compare import Verdict
+from consilience.compare import Comparison, Verdict
 from consilience.compare.judge import REFERENCE, reference_motion
 from consilience.compare.other_methods import reconsidered
 from consilience.compare.power import MEASURED
-from consilience.engine import Profile, Question
+from consilience.engine import Method, Profile, Question
 from consilience.engine.worker.client import InProcessEngine, Worker
 from consilience.mechanism import physical_parameters
 from consilience.suite.engine_runs import EngineCase, ask_case, open_plan
@@ -79,17 +81,32 @@ def random_trials(seeds: Sequence[int], engines: Sequence[str], limit: float = 6
         Time limit of one answer.
     """
     reference = InProcessEngine(REFERENCE)
-    for engine in engines:
-        with Worker(engine, limit) as worker:
-            for seed in seeds:
-                rng = np.random.default_rng([seed, 2])
-                case = random_case(seed, rng)
-                runs, plan = list(ask_case(reference, case, MEASURED)), open_plan(worker, case)
+    with ExitStack() as ended:
+        workers = [ended.enter_context(Worker(engine, limit)) for engine in engines]
+        for seed in seeds:
+            rng = np.random.default_rng([seed, 2])
+            case = random_case(seed, rng)
+            runs = list(ask_case(reference, case, MEASURED))
+            motion = reference_motion(case, runs)
+            for worker in workers:
+                plan, drawn = open_plan(worker, case), deepcopy(rng)
                 if isinstance(plan, str):
                     continue
-                asked = EngineCase(worker, case, plan, reference_motion=reference_motion(case, runs))
+                judged = JudgedEngine(EngineCase(worker, case, plan, reference_motion=motion), runs)
                 for question in MEASURED:
-                    yield from _trial(seed, JudgedEngine(asked, runs), question, rng)
+                    yield from _trial(seed, judged, question, drawn)
+
+
+def _in_a_run(judged: JudgedEngine, question: Question, method: Method) -> Comparison:
+    """Compare a method in the light of all methods at `instant`, as a run does."""
+    instants = judged.asked.plan.methods.get(Question.INSTANT, ())
+    asked = [judged.compared(Question.INSTANT, m) for m in instants]
+    settled = reconsidered([c for c in asked if c is not None])
+    if question is Question.INSTANT:
+        return next(c for c in settled if c.method == method.name)
+    found = replace(judged, before=settled).compared(question, method)
+    assert found is not None
+    return found
 
 
 def _trial(seed: int, judged: JudgedEngine, question: Question, rng: np.random.Generator) -> Iterator[RandomTrial]:
@@ -103,8 +120,7 @@ def _trial(seed: int, judged: JudgedEngine, question: Question, rng: np.random.G
     if found is None:
         return
     if found.verdict is Verdict.MODEL:  # in a run the other methods may show that a solver is to blame
-        others = [judged.compared(question, m) for m in judged.asked.plan.methods.get(question, ()) if m is not method]
-        found = reconsidered([found, *(o for o in others if o is not None)])[0]
+        found = _in_a_run(judged, question, method)
     stated, error, factor = [p for p in found.power if not p.missed], "", 0.0
     if found.verdict in PASSED and stated and rng.random() < 0.5:
         power = stated[int(rng.integers(len(stated)))]

@@ -86,11 +86,12 @@ class JudgedEngine:
 
     asked: EngineCase
     references: Sequence[Run]
+    before: Sequence[Comparison] = ()  # of the earlier questions
 
     def compared(self, question: Question, method: Method, planted: PlantedEngine | None = None) -> Comparison | None:
         """Ask by a method as a suite does, with or without an error, and compare; None without a reference."""
         case = self.asked.case
-        judge = question_judge(case, self.references, question)
+        judge = question_judge(case, self.references, question, self.before)
         if judge is None:
             return None
         asked = self.asked if planted is None else replace(self.asked, worker=planted)
