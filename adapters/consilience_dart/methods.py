@@ -6,10 +6,8 @@ from collections.abc import Callable
 from typing import Any
 
 from consilience.engine import Method, Profile, Question, Route, Unsupported, without_screws
-from consilience.mechanism import Mechanism, Tree, initial_state, to_elementary_tree
+from consilience.mechanism import Mechanism, Tree, free_directions, initial_state, to_elementary_tree
 from consilience_dart.contact_methods import touches, unilateral_methods
-from consilience_dart.dynamics import constraint_rank
-from consilience_dart.state import from_state, send
 from consilience_dart.stepping import (
     CONSTRAINT_FORCE_MIXING,
     ERROR_REDUCTION_DEFAULT,
@@ -21,7 +19,7 @@ from consilience_dart.stepping import (
     LARGEST_TURN,
     set_softness,
 )
-from consilience_dart.translation import build, constrained, unstepped
+from consilience_dart.translation import constrained, unstepped
 
 MODEL = "inertias of the skeleton"
 ARTICULATED = "computeForwardDynamics"
@@ -120,11 +118,7 @@ def _has_elements(mechanism: Mechanism) -> bool:
 
 def _moves_as_told(mechanism: Mechanism) -> bool:
     """Whether drives leave no freedom: the positions of `World.step` are then of order two."""
-    if not mechanism.drives:
-        return False
-    model = build(mechanism)
-    send(model, from_state(model, initial_state(mechanism)))
-    return constraint_rank(model) == int(model.skeleton.getNumDofs())
+    return bool(mechanism.drives) and free_directions(mechanism, initial_state(mechanism)).shape[1] == 0
 
 
 def _stepped(mechanism: Mechanism, loops: bool) -> tuple[Method, Method]:

@@ -21,9 +21,11 @@ from consilience.case import case_files, load_case, load_cases
 from consilience.compare import Verdict
 from consilience.compare.judge import REFERENCE
 from consilience.compare.motion import difference_over_time, size_of_motion
-from consilience.engine import Profile, Question, installed
+from consilience.engine import Profile, Question, installed, load_engine
+from consilience.engine.worker.client import InProcessEngine
 from consilience.mechanism import Frame, Initial, Units, in_units
 from consilience.suite import QUICK, Thoroughness, run_suite
+from consilience.suite.engine_runs import EngineCase, open_plan
 
 
 def units_by(*factors):
@@ -165,6 +167,24 @@ def test_instants_on_engines_do_not_depend_on_units(name, engines):
     """One suite of several engines for each case."""
     case = replace(load_case(name), instants=3)
     assert not differences([case], [units_by(1e-6, 1e6)], engines, [Question.INSTANT])[name]
+
+
+@pytest.mark.parametrize("units", [Units(1e-6), Units(1e6), Units(mass=1e-6), Units(time=1e6)])
+def test_the_parameter_of_each_kind_for_which_power_is_stated_does_not_depend_on_units(units):
+    """Six legs and as many springs, dampers and actuators, of which velocities choose."""
+    chosen = []
+    for case in (load_case("stewart_platform"), scaled(load_case("stewart_platform"), units)):
+        reference = InProcessEngine(REFERENCE)
+        chosen.append([p.of for p in EngineCase(reference, case, open_plan(reference, case)).sensitive_parameters])
+    assert chosen[0] == chosen[1]
+
+
+@pytest.mark.parametrize("units", [Units(), Units(1e-6), Units(1e6)])
+def test_declared_orders_do_not_depend_on_units(units):
+    """Positions of DART are of order two where drives leave no freedom."""
+    case = scaled(load_case("scissor_lift"), units)
+    methods = load_engine("dart").methods(case.mechanism, Question.TRAJECTORY)
+    assert {m.order for m in methods if m.name.startswith("World.step")} == {2}
 
 
 def main(arguments=None):

@@ -82,7 +82,7 @@ from consilience.mechanism.functions import Function, Jet, Table, constant, line
 from consilience.mechanism.joint_rows import full_turns, joint_frames, row_gamma, row_jacobian, row_target, row_value
 from consilience.mechanism.joints import AXIS_COORDINATES, BASIC_CONSTRAINTS, JOINT_KINDS, JointKind
 from consilience.mechanism.model import GROUND, Joint, Mechanism, State, require_states
-from consilience.mechanism.nearby_states import displaced_states, random_states
+from consilience.mechanism.nearby_states import displaced_states, random_states, states_in_motion
 from consilience.mechanism.observables import (
     body_point,
     centres_of_mass,
@@ -100,7 +100,7 @@ from consilience.mechanism.observables import (
     world_inertias,
 )
 from consilience.mechanism.parameter_effects import ParameterEffects
-from consilience.mechanism.perturbation import Perturbation, PhysicalParameter, physical_parameters, states_in_motion
+from consilience.mechanism.perturbation import Perturbation, PhysicalParameter, physical_parameters
 from consilience.mechanism.rates import fastest_rate, frictions_too_steep, rough_dampers, turning_rate
 from consilience.mechanism.singular import first_singular, is_singular, move
 from consilience.mechanism.solids import Solid, ball, bar, block

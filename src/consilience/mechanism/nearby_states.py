@@ -86,6 +86,20 @@ def random_states(mechanism: Mechanism, start: State, count: int, seed: int, spe
     return states
 
 
+def states_in_motion(mechanism: Mechanism, start: State, seed: int, speed: float = 2.0) -> list[State]:
+    """Return the start, and the same pose with other velocities along the free directions.
+
+    Parameters
+    ----------
+    mechanism, start, seed, speed : see `random_states`
+        The speed is that of the change.
+    """
+    rng = np.random.default_rng(seed)
+    change = (speed * velocity_sizes(mechanism) * _free_motion(mechanism, start, rng)).reshape(-1, 6)
+    v, w = start.v_WB_W + change[:, :3], start.w_WB_W + change[:, 3:]
+    return [start, State(start.p_WB, start.quat_WB, v, w)]
+
+
 def _sliding(mechanism: Mechanism, start: State, velocity: Array) -> State:
     """Return the pose of a state with the admissible velocity nearest to a given one, (6 n_b,), in closed contacts.
 

@@ -222,11 +222,3 @@ def _tilted(joint: Joint, i: Place, j: Place, angle: float) -> Joint:
     return replace(
         joint, F=Frame(joint.F.p, i[1].T @ turn @ F), M=Frame(j[1].T @ (origin + arm - j[0]), j[1].T @ turn @ M)
     )
-
-
-def states_in_motion(mechanism: Mechanism, start: State, seed: int = 0) -> list[State]:
-    """Return the start, and the same pose with velocities changed by about 1 m/s and rad/s in the free directions."""
-    basis = free_directions(mechanism, start)
-    change = (basis @ np.random.default_rng(seed).normal(size=basis.shape[1])).reshape(-1, 6)
-    v, w = start.v_WB_W + change[:, :3], start.w_WB_W + change[:, 3:]
-    return [start, State(start.p_WB, start.quat_WB, v, w)]
