@@ -10,7 +10,7 @@ from consilience.audit.mutate.false_verdicts import random_trials
 from consilience.engine import installed
 
 BLOCK = 25
-"""Mechanisms that one engine is asked about before the next."""
+"""Mechanisms between two counts, for which engines are loaded once."""
 
 
 def main() -> int:
@@ -20,7 +20,7 @@ def main() -> int:
     given, found = parser.parse_args(), []
     engines = sorted(set(installed()) - {"reference"})
     last = given.seed + given.mechanisms
-    for first in range(given.seed, last, BLOCK):  # an engine is loaded once for each block
+    for first in range(given.seed, last, BLOCK):
         for trial in random_trials(range(first, min(first + BLOCK, last)), engines):
             found.append(trial)
             if not trial.right:
