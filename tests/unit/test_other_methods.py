@@ -7,15 +7,15 @@ import pytest
 
 from consilience.case import Case
 from consilience.compare import Quantity, Verdict
-from consilience.compare.judge import REFERENCE, judge_case
-from consilience.compare.other_methods import reconsidered
+from consilience.compare.judge import REFERENCE, judge_case, question_judge
+from consilience.compare.other_methods import lost_by_solver, reconsidered
 from consilience.compare.result import compare_by_bars
 from consilience.engine import InstantAnswer, Method, Profile, Question, Route, Run, Status
 from consilience.mechanism import Initial
 from consilience.report.record import Record
 from consilience.report.summary import matrix
 from consilience.suite import QUICK
-from situations import MECHANISM
+from situations import MECHANISM, SHAPE, SIZE, TRUE, motion
 
 CASE = Case("c", "c.toml", "one state", MECHANISM, Initial(), 1.0, 0.1, 8, 1, 1)
 
@@ -55,6 +55,47 @@ def test_few_digits_are_the_solvers_where_the_terms_agree(route, difference, bar
 )
 def test_without_its_own_terms_a_missed_bar_is_the_model(others):
     assert reconsidered([instant(Route.TUNED, 5e-11), *others])[0].verdict is Verdict.MODEL
+
+
+def inexact(route=Route.NATIVE, **method):
+    """Return an instant at which a solver loses 5e-8 in ill-conditioned equations."""
+    return reconsidered([instant(route, 5e-8, 1e-9, **method), TERMS])[0]
+
+
+@pytest.mark.parametrize(
+    ("before", "lost"),
+    [
+        (inexact(), 5e-8),
+        (replace(inexact(), engine="another"), 0.0),
+        (inexact(**DEFAULTS), 0.0),
+        (inexact(Route.EXTRAPOLATED), 0.0),
+        (instant(Route.NATIVE, 5e-8, 1e-9), 0.0),
+    ],
+    ids=["its solver", "of another engine", "at the defaults", "its extrapolation", "its model"],
+)
+def test_what_a_solver_loses_is_that_of_the_engine_with_the_same_settings(before, lost):
+    assert lost_by_solver([before, TERMS], "e", Profile.MATCHED) == lost
+
+
+@pytest.mark.parametrize(
+    ("before", "rule"),
+    [([inexact()], "inexact solver"), ([inexact(**DEFAULTS)], "elsewhere"), ([], "elsewhere")],
+    ids=["its solver", "at the defaults", "nothing"],
+)
+def test_a_motion_that_keeps_what_the_solver_loses_blames_no_model(before, rule):
+    """A plateau of 1e-7 beside errors of order four, where a solver loses 5e-8 at instants."""
+    steps = (0.02, 0.01, 0.005)
+    method = Method("m", Route.HARNESS_INTEGRATOR, 4, (10, 20, 40))
+    errors = [SIZE * SHAPE * (1e-7 + h**4) for h in steps]
+    levels = [
+        Run("c", "e", Question.TRAJECTORY, method, n, h, Status.ANSWERED, motion(error))
+        for n, (h, error) in enumerate(zip(steps, errors, strict=True))
+    ]
+    truth = Run(
+        "c", REFERENCE, Question.TRAJECTORY, Method("r", Route.REFERENCE), 0, None, Status.ANSWERED, answer=TRUE
+    )
+    judge = question_judge(CASE, [truth], Question.TRAJECTORY, before)
+    assert judge.compare(levels, ()).rule == rule
 
 
 def test_a_quick_run_asks_at_states_by_all_methods():

@@ -172,7 +172,7 @@ class TrajectoryJudge(QuestionJudge):
         """
         own = [run for run in levels if run is not self.references[0]]
         earlier, mechanism, motion = self._earlier(levels[0]), self.case.mechanism, self._motion(method_of(levels[0]))
-        lost = lost_by_solver([c for c in self.before if c.engine == levels[0].engine])
+        lost = lost_by_solver(self.before, levels[0].engine, method_of(levels[0]).profile)
         compared = compare_trajectory(mechanism, own, motion, softer, earlier, lost)
         if self._first_singular is not None:
             up_to = replace(motion, singular=self._first_singular)

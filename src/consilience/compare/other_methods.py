@@ -58,10 +58,20 @@ def _settled(one: Comparison, others: Sequence[Comparison]) -> Comparison:
     return one
 
 
-def lost_by_solver(settled: Sequence[Comparison]) -> float:
-    """Return the largest difference of accelerations that an engine's solver loses at the states; zero if none."""
-    own = [c for c in settled if c.rule == SOLVER_RULE and c.route is not Route.EXTRAPOLATED]
-    return max((q.difference for c in own for q in _accelerations(c)), default=0.0)
+def lost_by_solver(settled: Sequence[Comparison], engine: str, profile: Profile) -> float:
+    """Return the largest difference of accelerations that an engine's solver loses at the states; zero if none.
+
+    Parameters
+    ----------
+    settled : sequence of Comparison
+        Of all engines, after `reconsidered`.
+    engine : str
+    profile : Profile
+        Of the settings: what is lost with others, or in an extrapolation, tells nothing about a motion with these.
+    """
+    own = [c for c in settled if (c.engine, c.profile, c.rule) == (engine, profile, SOLVER_RULE)]
+    lost = [q.difference for c in own if c.route is not Route.EXTRAPOLATED for q in _accelerations(c)]
+    return max(lost, default=0.0)
 
 
 def _by_the_solver(one: Comparison) -> bool:
