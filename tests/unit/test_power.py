@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from consilience.case import Case, load_case
+from consilience.compare.evidence import Evidence
 from consilience.compare.judge import judge_case
 from consilience.compare.motion import size_of_motion
 from consilience.compare.power_of_bars import with_power
 from consilience.compare.result import Quantity, Verdict, compare_by_bars
-from consilience.compare.rules import NO_POWER
+from consilience.compare.rules import NO_POWER, decide
 from consilience.engine import Method, Question, Route, Run, Status
 from consilience.engine.worker.client import InProcessEngine
 from consilience.mechanism import (
@@ -200,3 +201,18 @@ def test_contact_forces_have_power_at_the_first_states():
     found = next(c for c in judge_case(case, [*runs, *engine]) if c.engine == "e")
     assert found.verdict is Verdict.AGREES
     assert {power.kind for power in found.power} >= {"gravity"}
+
+
+@pytest.mark.parametrize("steps", [1.5, 2.3, 3.0, 3.9, 5.0, 20.0])
+def test_twice_the_stated_error_does_not_pass_where_it_cancels_the_error_of_the_steps(steps):
+    """Levels err by E, 4 E, 16 E and another model by d: the finest by E + d, the limit at order two by d."""
+
+    def passed(d):
+        levels = {"limit": abs(d), "band": 1.25 * steps, "remains": abs(d), "order": 2.0, "declared": 2}
+        evidence = Evidence(1.0, 1.0, 1.0, reference=0.0, finest=abs(steps + d), asymptotic=True, **levels)
+        return evidence.passes, decide(evidence)[0].verdict in (Verdict.AGREES, Verdict.DISCRETISATION)
+
+    stated, honest = passed(0.0)
+    assert honest
+    assert not any(passed(factor * stated)[1] for factor in (-3.0, -2.01, 2.01, 3.0))
+    assert all(passed(factor * stated)[1] for factor in (-0.3, 0.3))

@@ -222,6 +222,28 @@ def test_an_engine_that_fails_at_a_change_point_is_judged_up_to_it(error, verdic
     assert [len(level.difference) for level in found.levels] == [len(found.times)] * len(runs)
 
 
+def test_a_band_widened_behind_a_change_point_hides_no_other_model_before_it():
+    """Steps err by 0.0125 behind the pose and the model by 6e-5 before it: the stated power is that before it."""
+    case, truth = through_a_change_point()
+    known = Run("c", REFERENCE, Question.TRAJECTORY, METHOD, 0, None, Status.ANSWERED, truth)
+
+    def judged(error):
+        runs = []
+        for level, step in enumerate((0.01, 0.005, 0.0025)):
+            off = (
+                np.array([0.0, 1.0, 2.0, 0.0, 0.0]) * (step**2 + error)
+                + np.array([0.0, 0.0, 0.0, 1.0, 2.0]) * 1e3 * step**2
+            )
+            answer = replace(truth, p_WB=truth.p_WB + off[:, None, None])
+            method = Method("m", Route.NATIVE, 2, (10, 20, 40))
+            runs.append(replace(known, engine="e", method=method, level=level, step=step, answer=answer))
+        return next(c for c in judge_case(case, [known, *runs]) if c.engine == "e")
+
+    assert judged(0.0).verdict is Verdict.DISCRETISATION
+    assert judged(3e-5).verdict is Verdict.MODEL
+    assert "a singular pose comes before 0.3 s" in judged(3e-5).why
+
+
 def test_random_states_of_a_mechanism_that_locks_say_so():
     mechanism = platform(0.8)
     with pytest.raises(CannotAssemble, match="it can move at the start alone, a singular pose, and locks"):

@@ -6,12 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from consilience.audit.coverage import Skipped, Trial, coverage, exit_code, table
+from consilience.audit.coverage import Skipped, Trial, coverage, exit_code, factor_of, ladder_trials, table
+from consilience.case import Case
 from consilience.compare.horizon import PERTURBATION, growth, judged_samples
 from consilience.compare.motion import OBSERVABLES, Scales, difference_over_time
 from consilience.compare.uncertainty import band, estimates, finest_order, needs_another_level, settled
-from consilience.engine import Method, Route
+from consilience.engine import Method, Question, Route
+from consilience.engine.worker.client import Reply
+from consilience.engine.worker.requests import Plan
 from consilience.mechanism import (
+    Initial,
     constraint_jacobian,
     constraint_rates,
     constraint_residual,
@@ -19,6 +23,7 @@ from consilience.mechanism import (
     initial_state,
 )
 from consilience.reference import simulate
+from consilience.suite.engine_runs import EngineCase
 from mechanisms import LOOPS, TREES, states_of
 from situations import MECHANISM, SHAPE, SIZE, TIMES, TRUE, motion
 
@@ -214,6 +219,49 @@ def test_coverage_is_the_part_that_holds_and_the_median_width():
     assert exit_code([trial(1.0, 2.0)] * 19 + [trial(1.0, 0.5)]) == 0
     assert exit_code([trial(1.0, 50.0)] * 3) == 1  # every band holds, but all are too wide to be useful
     assert exit_code([Skipped("c", "e", "m", "no ladder of steps")]) == 3
+
+
+class KnownErrors:
+    """A worker whose motions err by a function of the step."""
+
+    engine = "e"
+
+    def __init__(self, error):
+        self.error = error
+
+    def ask(self, request):
+        return Reply(motion(SIZE * SHAPE * self.error(request.step)), returned=True)
+
+
+STALLED = {  # declared order, error of a step in s, and what becomes of the position, at 10, 5 and 2.5 ms
+    "clean": (2, lambda h: 0.3 * h**2, True),
+    "rounding": (2, lambda h: 1e-12 * h, "is rounding"),
+    "worse with smaller steps": (1, lambda h: 1e-9 / h, "smaller steps lead nowhere, so that no run tells the error"),
+    "levels that all miss the same": (2, lambda h: min(h, 2e-3), False),
+}
+
+
+@pytest.mark.parametrize("name", STALLED)
+def test_a_band_does_not_hold_only_where_finer_runs_tell_the_error(name):
+    """An error of order two is a sixteenth at a quarter of the step; a constant one shows at smaller steps alone."""
+    order, error, expected = STALLED[name]
+    worker, method, steps = KnownErrors(error), how(order, substeps=(10, 20, 40)), [0.01, 0.005, 0.0025]
+    case, plan = Case("c", "c.toml", "a body", MECHANISM, Initial(), 2.0, 0.05, 6, 1, 1), Plan({}, {}, {})
+    runs = list(EngineCase(worker, case, plan).ladder(Question.TRAJECTORY, method, steps))
+    found = next(ladder_trials(worker, case, plan, method, runs[:3]))
+    if isinstance(expected, str):
+        assert isinstance(found, Skipped)
+        assert found.reason.startswith("position: ")
+        assert found.reason.endswith(expected)
+    else:
+        assert isinstance(found, Trial)
+        assert found.covered == expected
+
+
+def test_finer_runs_leave_a_sixteenth_of_the_error():
+    assert [factor_of(order, 0.1) for order in (1, 2, 3, 4, 6)] == [16, 4, 4, 2, 2]
+    assert factor_of(1, 1.0) == 8  # in 8 s
+    assert factor_of(1, 100.0) == 4
 
 
 def test_the_table_lists_what_does_not_hold_and_what_was_skipped():

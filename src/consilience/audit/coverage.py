@@ -3,6 +3,9 @@
 Every engine runs its ladder on every case as in a suite, and once more with far smaller steps. The difference of the
 ladder's finest level to the finer run is the true discretisation error, whatever the reference says; the band of that
 level, from the ladder alone, should be larger, and not by much. One observable of one ladder is one trial.
+
+Errors of rounding are no trials, nor are motions that get worse with smaller steps: a band that seems not to hold is
+counted if a run at twice the finer step is nearer to the finer run than the finest level is.
 """
 
 from __future__ import annotations
@@ -15,20 +18,26 @@ import numpy as np
 from consilience.case import Case
 from consilience.compare import grouped, markdown_table
 from consilience.compare.motion import OBSERVABLES, Scales
-from consilience.compare.uncertainty import declared_order, estimates
+from consilience.compare.uncertainty import ROUNDING, declared_order, estimates
 from consilience.engine import Method, Question, Run, TrajectoryAnswer
-from consilience.engine.worker.client import Worker
+from consilience.engine.worker.client import EngineHandle, Worker
 from consilience.engine.worker.requests import Plan
 from consilience.suite import ask_ladder, open_plan
 
 ASKED_COVERAGE, WIDEST = 0.95, 20.0
 """Fraction of the bands that must hold, and largest allowed median of band over error."""
 
-FINER = (32, 16, 8, 4)
-"""Ratios of steps for the finer run, the first that `BUDGET` affords."""
+FINER = 16.0
+"""Ratio of the errors of the finest level and of the finer run."""
 
-BUDGET = 10.0
-"""CPU time in s for a finer run."""
+LEAST_FACTOR, BUDGET = 4, 10.0
+"""Least ratio of steps where the declared order asks for more, and CPU time in s above which that ratio is taken."""
+
+NEARER = 0.5
+"""Largest difference of two finer runs, over the error: a third for order one at the least ratio, less for others."""
+
+
+WORSE = "smaller steps lead nowhere, so that no run tells the error"
 
 
 @dataclass(frozen=True)
@@ -85,55 +94,78 @@ def trials(cases: Sequence[Case], engine: str, limit: float = 300.0) -> Iterator
                 continue
             for method in plan.methods.get(Question.TRAJECTORY, ()):
                 runs = [run for run in ask_ladder(worker, case, plan, method) if run.method == method]
-                yield from _trials(worker, case, plan, method, runs)
+                yield from ladder_trials(worker, case, plan, method, runs)
 
 
-def _trials(worker: Worker, case: Case, plan: Plan, method: Method, runs: list[Run]) -> Iterator[Trial | Skipped]:
+def ladder_trials(
+    worker: EngineHandle, case: Case, plan: Plan, method: Method, runs: Sequence[Run]
+) -> Iterator[Trial | Skipped]:
     """Yield the trials of one ladder, or the reason why there are none.
 
     Parameters
     ----------
-    worker : Worker
+    worker : EngineHandle
     case : Case
     plan : Plan
         Plan of the engine for the case.
     method : Method
-    runs : list of Run
+    runs : sequence of Run
         The ladder, coarse to fine.
     """
     answers = [run.answer for run in runs if run.answer is not None]
-    if declared_order(method) is None or len(answers) < max(2, len(runs)):
-        finer: TrajectoryAnswer | str = next((run.reason for run in runs if run.reason), "no ladder of steps")
+    order, finer = declared_order(method), None
+    if order is None or len(answers) < max(2, len(runs)):
+        reason = next((run.reason for run in runs if run.reason), "no ladder of steps")
     else:
-        finer = _finer(worker, case, plan, method, runs[-1])
-    if isinstance(finer, str):
-        yield Skipped(case.name, worker.engine, method.name, finer)
+        factor = factor_of(order, runs[-1].cpu)
+        finer, reason = _finer(worker, case, plan, method, runs[-1], factor)
+    if finer is None:
+        yield Skipped(case.name, worker.engine, method.name, reason)
         return
-    scales = Scales.of(case.mechanism, finer)
+    scales, between = Scales.of(case.mechanism, finer), None
     for estimate in estimates(answers, method, [run.step for run in runs], scales):
-        error = float(np.max(OBSERVABLES[estimate.name](answers[-1], finer, scales)))
-        yield Trial(case.name, worker.engine, method.name, estimate.name, error, estimate.band, estimate.order)
+        difference = OBSERVABLES[estimate.name]
+        error = float(np.max(difference(answers[-1], finer, scales)))
+        trial = Trial(case.name, worker.engine, method.name, estimate.name, error, estimate.band, estimate.order)
+        if error <= ROUNDING:
+            yield Skipped(case.name, worker.engine, method.name, f"{estimate.name}: {error:.0e} is rounding")
+            continue
+        if not trial.covered:
+            between = between or _finer(worker, case, plan, method, runs[-1], factor // 2)[0]
+            if between is not None and float(np.max(difference(between, finer, scales))) > NEARER * error:
+                yield Skipped(case.name, worker.engine, method.name, f"{estimate.name}: {WORSE}")
+                continue
+        yield trial
 
 
-def _finer(worker: Worker, case: Case, plan: Plan, method: Method, finest: Run) -> TrajectoryAnswer | str:
-    """Return the motion at far smaller steps, or the reason why there is none.
+def factor_of(order: int, cpu: float) -> int:
+    """Return the ratio of the steps of the finest level, of which the CPU time is in s, and of the finer run."""
+    factor = 2 ** max(1, int(np.ceil(np.log2(FINER) / order)))
+    while factor > LEAST_FACTOR and factor * cpu > BUDGET:
+        factor //= 2
+    return factor
+
+
+def _finer(
+    worker: EngineHandle, case: Case, plan: Plan, method: Method, finest: Run, factor: int
+) -> tuple[TrajectoryAnswer | None, str]:
+    """Return the motion at smaller steps or None, and the reason why there is none.
 
     Parameters
     ----------
-    worker : Worker
+    worker : EngineHandle
     case : Case
     plan : Plan
         Plan of the engine for the case.
     method : Method
     finest : Run
         Run at the finest level of the ladder.
+    factor : int
+        Ratio of the steps, or of the tolerances.
     """
     assert finest.step is not None
-    factor = next((f for f in FINER if f * finest.cpu <= BUDGET), FINER[-1])
-    if method.tolerances:
-        factor = 100
     (run,) = ask_ladder(worker, case, plan, method, (finest.step / factor,))
-    return run.answer or f"the finer run: {run.reason}"
+    return run.answer, f"the finer run: {run.reason}"
 
 
 def coverage(found: Sequence[Trial]) -> tuple[float, float]:

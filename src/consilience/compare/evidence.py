@@ -29,6 +29,9 @@ LOST = 10.0
 """Largest ratio of the difference of a motion to that of accelerations which an engine's solver loses at the states of
 `instant`: along a motion the equations may be worse conditioned by as much."""
 
+CANCELLED = 4.0
+"""Largest difference of the steps, over what is allowed, that twice or three times what passes may cancel."""
+
 OTHER_LAW = 0.05
 """Largest difference to the motion under another law of contact, over that to the motion under the case's law, that
 leaves no doubt which law was solved."""
@@ -234,7 +237,8 @@ class Evidence:
         if self.finest <= self.allowed:
             return self.allowed
         if self.converges_here:
-            return self.largest_limit
+            near = self.finest <= CANCELLED * self.allowed  # another model's difference may cancel that of the steps
+            return max(self.largest_limit, (self.finest + self.allowed) / 2.0 if near else 0.0)
         if self.within_phase:
             return self.impact_bound + self.allowed
         if self.within_jumps:

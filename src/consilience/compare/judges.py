@@ -22,7 +22,7 @@ from consilience.compare.power_of_bars import at_first_states, instants_at_first
 from consilience.compare.published import dispute, start_against_published
 from consilience.compare.reference_motion import OtherLaw, ReferenceMotion
 from consilience.compare.result import CoarserLevel, Comparison, Quantity, Verdict
-from consilience.compare.rules import NO_POWER, OTHER_LAWS
+from consilience.compare.rules import OTHER_LAWS
 from consilience.compare.trajectory import coarser_levels, compare_trajectory
 from consilience.engine import Method, ModelAnswer, Profile, Question, Run
 from consilience.mechanism import characteristic_length, is_singular
@@ -168,7 +168,8 @@ class TrajectoryJudge(QuestionJudge):
         """Compare by the rules; the coarser levels of the best reference are shown with the published values.
 
         Where the motion passes a singular pose, a difference counts only before it: there a motion may take another
-        branch. An engine that fails there has answered up to it. The power is that of the motion before it.
+        branch. An engine that fails there has answered up to it. The power is that of the motion before it, which a
+        band widened by what follows must not hide: both have to pass.
         """
         own = [run for run in levels if run is not self.references[0]]
         earlier, mechanism, motion = self._earlier(levels[0]), self.case.mechanism, self._motion(method_of(levels[0]))
@@ -178,7 +179,7 @@ class TrajectoryJudge(QuestionJudge):
             up_to = replace(motion, singular=self._first_singular)
             before = compare_trajectory(mechanism, own, up_to, softer, earlier, lost)
             short = any(len(run.answer.time) < len(motion.answer.time) for run in own)
-            if short or compared.verdict in (Verdict.MODEL, Verdict.UNRESOLVED) or before.rule == NO_POWER:
+            if short or any(one.verdict in (Verdict.MODEL, Verdict.UNRESOLVED) for one in (compared, before)):
                 at = motion.answer.time[self._first_singular]
                 why = f"{before.why}; a singular pose comes before {at:.3g} s, and nothing is judged behind it"
                 compared = replace(before, why=f"{why}, where the engine fails" if short else why)
