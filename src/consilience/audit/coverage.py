@@ -22,7 +22,8 @@ from consilience.compare.uncertainty import ROUNDING, declared_order, estimates
 from consilience.engine import Method, Question, Run, TrajectoryAnswer
 from consilience.engine.worker.client import EngineHandle, Worker
 from consilience.engine.worker.requests import Plan
-from consilience.suite import ask_ladder, open_plan
+from consilience.suite import FULL, Thoroughness, ask_ladder, open_plan
+from consilience.suite.engine_runs import EngineCase, levels_of
 
 ASKED_COVERAGE, WIDEST = 0.95, 20.0
 """Fraction of the bands that must hold, and largest allowed median of band over error."""
@@ -81,19 +82,30 @@ class Skipped:
     reason: str
 
 
-def trials(cases: Sequence[Case], engine: str, limit: float = 300.0) -> Iterator[Trial | Skipped]:
-    """Yield the trials of one engine on the cases.
+def trials(
+    cases: Sequence[Case], engine: str, thoroughness: Thoroughness = FULL, limit: float = 300.0
+) -> Iterator[Trial | Skipped]:
+    """Yield the trials of one engine on the cases, by all of its methods.
 
-    The time limit of a request to the worker is in s.
+    Parameters
+    ----------
+    cases : sequence of Case
+    engine : str
+    thoroughness : Thoroughness
+        Samples of a motion, and whether levels are added.
+    limit : float, s
+        Time limit of a request to the worker.
     """
     with Worker(engine, limit) as worker:
-        for case in cases:
+        for case in map(thoroughness.case, cases):
             plan = open_plan(worker, case)
             if isinstance(plan, str):
                 yield Skipped(case.name, engine, "", plan)
                 continue
             for method in plan.methods.get(Question.TRAJECTORY, ()):
-                runs = [run for run in ask_ladder(worker, case, plan, method) if run.method == method]
+                levels = levels_of(case, Question.TRAJECTORY, method)
+                ladder = EngineCase(worker, case, plan, thoroughness).ladder(Question.TRAJECTORY, method, levels)
+                runs = [run for run in ladder if run.method == method]
                 yield from ladder_trials(worker, case, plan, method, runs)
 
 

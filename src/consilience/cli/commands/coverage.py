@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from typing import Annotated
 
 import typer
 
@@ -10,15 +11,20 @@ from consilience.cli.options import CaseNames, EngineNames, Form, OutputFormat, 
 
 
 def coverage(
-    cases: CaseNames = None, engine: EngineNames = None, output: TablesFile = None, form: Form = OutputFormat.TEXT
+    cases: CaseNames = None,
+    engine: EngineNames = None,
+    quick: Annotated[bool, typer.Option("--quick", help="The first five samples, three levels of each method.")] = False,
+    output: TablesFile = None,
+    form: Form = OutputFormat.TEXT,
 ) -> None:
     """Check that the uncertainty bands of all motions hold, against far finer runs of the same engines."""
     from consilience.audit import coverage as campaign
     from consilience.cli.terminal import err, print_tables, write_json
+    from consilience.suite import FULL, QUICK
 
     chosen, found = chosen_cases(cases), []
     for name in chosen_engines(engine):
-        for one in campaign.trials(chosen, name):
+        for one in campaign.trials(chosen, name, QUICK if quick else FULL):
             found.append(one)
             err.print(f"{one.engine}, {one.case}, {one.method}", highlight=False, soft_wrap=True)
     text = campaign.table(found)
