@@ -270,3 +270,4 @@ def test_the_table_lists_what_does_not_hold_and_what_was_skipped():
     assert "| all |  | 2 | 50.0 % | 1.2 |" in text
     assert "| c | f | m | position | 2.00 | 3.00e+00 | 1.00e+00 |" in text
     assert "- c, g, all methods: cannot" in text
+    assert "all |" not in table([Skipped("c", "g", "", "cannot")])

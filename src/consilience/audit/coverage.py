@@ -200,7 +200,7 @@ def table(found: Sequence[Trial | Skipped]) -> str:
     groups = grouped(done, lambda t: (t.engine, t.method))
     heads = ("engine", "method", "trials", "covered", "band / error, median")
     rows = []
-    for (engine, method), group in [*groups.items(), (("all", ""), done)]:
+    for (engine, method), group in [*groups.items(), *([(("all", ""), done)] if done else [])]:
         part, width = coverage(group)
         rows.append((engine, method, len(group), f"{100 * part:.1f} %", f"{width:.2g}"))
     missed = [

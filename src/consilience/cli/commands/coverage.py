@@ -13,7 +13,9 @@ from consilience.cli.options import CaseNames, EngineNames, Form, OutputFormat, 
 def coverage(
     cases: CaseNames = None,
     engine: EngineNames = None,
-    quick: Annotated[bool, typer.Option("--quick", help="The first five samples, three levels of each method.")] = False,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="The first five samples, three levels of each method.")
+    ] = False,
     output: TablesFile = None,
     form: Form = OutputFormat.TEXT,
 ) -> None:
