@@ -39,7 +39,7 @@ from consilience.mechanism.contact_geometry import (
     nearest_points,
     refuse_overlap,
 )
-from consilience.mechanism.contact_laws import Compliance, Cone, ContactLaw, SurfaceLaw
+from consilience.mechanism.contact_laws import Compliance, Cone, ContactLaw, Regularisation, SurfaceLaw
 from consilience.mechanism.contacts import (
     BoxPlane,
     CapsulePlane,
@@ -179,6 +179,7 @@ __all__ = [
     "Perturbation",
     "PhysicalParameter",
     "PointPlane",
+    "Regularisation",
     "RelativeMotion",
     "Rolling",
     "SingularPose",

@@ -181,6 +181,51 @@ class SurfaceLaw:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Regularisation:
+    """A spring and a damper of the acceleration of a contact: ``u' + R f = a_ref`` of a row that overlaps and pushes.
+
+    With the overlap r and the rate u, ``a_ref = pull d(r) r - decay u`` and ``R = (1 - d(r))/d(r) inverse_mass``.
+
+    Attributes
+    ----------
+    pull : float, 1/s^2
+    decay : float, 1/s
+    least, most : float
+        Impedance d of no overlap, and of `width` and more; it rises as ``x^p / m^(p-1)`` up to the midpoint m, of the
+        share x of the width, and turned by half a turn behind it. Both between zero and one.
+    width : float, m
+    midpoint, power : float
+        m, between zero and one, and p, one at least.
+    inverse_mass : float, 1/kg
+    """
+
+    pull: float
+    decay: float
+    least: float
+    most: float
+    width: float
+    midpoint: float
+    power: float
+    inverse_mass: float
+
+    def __post_init__(self) -> None:
+        for name in ("pull", "decay", "width", "inverse_mass"):
+            in_range(f"regularisation: {name}", getattr(self, name), 0.0, np.inf, "Give a number above zero.", True)
+        for name in ("least", "most", "midpoint"):
+            value = getattr(self, name)
+            in_range(f"regularisation: {name}", value, 0.0, 1.0, "Give a number between zero and one.", True)
+            if value >= 1.0:
+                raise InvalidInput(f"regularisation: {name}", f"it is {value:g}", "Give a number below one.")
+        in_range("regularisation: power", self.power, 1.0, np.inf, "Give a power of at least 1.")
+
+    def impedance(self, overlap: float) -> float:
+        """Return d of an overlap, m."""
+        x, m, p = min(overlap / self.width, 1.0), self.midpoint, self.power
+        rise = x**p / m ** (p - 1.0) if x <= m else 1.0 - (1.0 - x) ** p / (1.0 - m) ** (p - 1.0)
+        return self.least + rise * (self.most - self.least)
+
+
+@dataclass(frozen=True, kw_only=True)
 class ContactLaw:
     """The law of contact that a method solves where it is not the law of the case; None: that of the case.
 
@@ -191,6 +236,8 @@ class ContactLaw:
     compliance : Compliance or None
     rebound_threshold : float or None, m/s
     impact_law : str or None
+    regularisation : tuple of Regularisation or None
+        One for each elementary contact, in the order of `contact_parts`.
     """
 
     cone: Cone | None = None
@@ -198,3 +245,4 @@ class ContactLaw:
     compliance: Compliance | None = None
     rebound_threshold: float | None = None
     impact_law: ImpactLaw | None = None
+    regularisation: tuple[Regularisation, ...] | None = None

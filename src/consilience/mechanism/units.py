@@ -65,8 +65,12 @@ _DIMENSIONS: dict[str, tuple[int, int, int]] = {
     "stiffness": (0, 1, -2),
     "damping": (0, 1, -1),
     "rebound_threshold": (1, 0, -1),
+    "pull": (0, 0, -2),
+    "decay": (0, 0, -1),
+    "width": (1, 0, 0),
+    "inverse_mass": (0, -1, 0),
 }
-"""Powers of length, mass and time of the fields of states, answers, and compliances and laws of contact."""
+"""Powers of length, mass and time of the fields of states, answers, and laws of contact with their parts."""
 
 
 _ROUNDING = 1e-12

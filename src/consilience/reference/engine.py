@@ -153,13 +153,15 @@ class ReferenceEngine:
             Consistent state at ``times[0]``.
         times : ndarray, shape (n_t,), s
         method : Method
-            One of `methods`.
+            One of `methods`; contacts are regularised as its law has it.
         step : float
             Tolerance, or for a formulation with constant steps the step, s.
         """
         if self._own is None and _touches(mechanism):
-            from consilience.reference.contact import simulate_with_contacts  # noqa: PLC0415 - slow to import
+            from consilience.reference.contact import simulate_regularised, simulate_with_contacts  # noqa: PLC0415 - slow to import
 
+            if method.law is not None and method.law.regularisation is not None:
+                return simulate_regularised(mechanism, method.law.regularisation, state, np.asarray(times), step)
             return simulate_with_contacts(mechanism, state, np.asarray(times), step)[0]
         refuse_steep_friction(mechanism)  # here, because the message names a speed
         units = motion_units(mechanism, times)

@@ -9,6 +9,7 @@ from consilience.reference.contact.geometry import ContactMotion, contact_motion
 from consilience.reference.contact.impact import Impact, solve_impact
 from consilience.reference.contact.instant import contact_instant
 from consilience.reference.contact.motions import simulate_with_contacts, simulate_with_impacts
+from consilience.reference.contact.regularised import simulate_regularised
 from consilience.reference.contact.samples import ContactEvent
 
 __all__ = [
@@ -18,6 +19,7 @@ __all__ = [
     "Impact",
     "contact_instant",
     "contact_motion",
+    "simulate_regularised",
     "simulate_with_contacts",
     "simulate_with_impacts",
     "solve_impact",

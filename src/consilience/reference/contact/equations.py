@@ -87,11 +87,17 @@ class ContactEquations(CompiledEquations):
             rank = min(int(self.rank[0]), int(np.sum(singular > RANK_TOLERANCE * singular[0])))
             self.U, self.pseudo = U[:, :rank], Vt[:rank].T / singular[:rank]
             z = z - self.U @ (self.U.T @ z) + self.U @ (self.pseudo.T @ ws.gamma)
-            for _ in range(2):  # the second pass removes rounding errors along the joints
-                K = K - self.U @ (self.U.T @ K)
+            K = self.held_by_joints(load)
         given = self._given()
         reactions = {j: self._reaction(j, z, load) for j in self._reacting}
         return Response(z, K.T, load.T @ z + rows.bias + K.T @ (K @ given), load, given, reactions, pull)
+
+    def held_by_joints(self, load: Array) -> Array:
+        """Return what joints leave of rows ``L^-1 J^T``, shape (6 n_b, m), at the state of the last response."""
+        if len(self._ws.Q):
+            for _ in range(2):  # the second pass removes rounding errors along the joints
+                load = load - self.U @ (self.U.T @ load)
+        return load
 
     def free_velocities(self, response: Response, velocity: Array, h: float) -> tuple[Array, Array]:
         """Return what a step h of the applied forces makes of velocities (v, w'), shape (6 n_b,), without p.
