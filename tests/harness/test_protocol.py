@@ -14,7 +14,7 @@ from consilience.engine.worker.messages import RecentlySent, job
 from consilience.engine.worker.requests import AnswerSet, MethodAnswer, Plan, Request
 from consilience.engine.worker.server import Server, _Bytes, read_frames
 from consilience.engine.worker.wire import PREFIX, Message, MessageHeader, ProtocolError, pack, read_prefix, unpack
-from consilience.mechanism import Drive, Mechanism, through
+from consilience.mechanism import ContactLaw, Drive, Mechanism, Regularisation, through
 from consilience.reference.engine import ReferenceEngine
 from mechanisms import ELEMENTS, LOOPS, TREES, chain, states_of
 
@@ -72,6 +72,13 @@ METHOD = Method(
     (1, 2),
     settings={"x": [1, 2.5, None, True], "y": {"z": (1, "ü")}, "w": float("inf")},
     softness=1.0,
+    soft_law=ContactLaw(
+        regularisation=(
+            Regularisation(
+                pull=2e3, decay=1e2, least=0.9, most=0.95, width=1e-3, midpoint=0.5, power=2.0, inverse_mass=0.5
+            ),
+        )
+    ),
 )
 VALUES = [
     None,

@@ -13,6 +13,7 @@ from consilience.mechanism import (
     ContactLaw,
     Initial,
     JointSpring,
+    Regularisation,
     Units,
     characteristic_length,
     in_units,
@@ -121,6 +122,18 @@ def test_a_law_of_contact_has_the_engines_numbers_in_its_units():
     assert time < 0.1
     expected = Compliance(7.0 * mass / time**2, 5.0 * mass / time)
     assert found.law == replace(law, compliance=expected, rebound_threshold=0.1 * length / time)
+
+
+def test_a_law_of_soft_contacts_is_returned_in_si_units():
+    base, units = pendulum(Lab(), 0.3), Units(1e-4, 1e5, 1e-3)
+    mechanism, (start,) = in_units(base, *units), states_of(base, 1)
+    numbers = {"least": 0.9, "most": 0.95, "midpoint": 0.5, "power": 2.0}
+    row = Regularisation(pull=7.0, decay=5.0, width=3.0, inverse_mass=2.0, **numbers)
+    method = replace(METHODS[0], soft_law=ContactLaw(regularisation=(row, row)))
+    (found,) = with_units(mechanism, [units.convert(start)], Question.TRAJECTORY, (method,))
+    length, mass, time = found.settings[SETTING]
+    expected = replace(row, pull=7.0 / time**2, decay=5.0 / time, width=3.0 * length, inverse_mass=2.0 / mass)
+    assert found.soft_law == ContactLaw(regularisation=(expected, expected))
 
 
 def test_the_force_at_the_start_tells_the_unit_of_time_where_the_drawing_is_in_equilibrium():

@@ -104,6 +104,11 @@ class Evidence:
         case's, or the reference has no motion under it.
     off_law : float
         Difference of the finest level to the reference's motion under that law.
+    touching : bool
+        Whether the case has contacts.
+    off_soft : float
+        Difference of the finest level, or of the limit of the steps if smaller, to the reference's motion under the law
+        of soft contacts that the method solves; infinite if the reference has none.
     velocities : float
         Relative difference of the velocities: of the finest level, or of the limit at order one if smaller, because a
         method may have a lower order in velocities than in poses.
@@ -146,6 +151,8 @@ class Evidence:
     law: str = ""
     law_cause: str = ""
     off_law: float = math.inf
+    touching: bool = False
+    off_soft: float = math.inf
 
     @property
     def allowed(self) -> float:
@@ -232,6 +239,11 @@ class Evidence:
         return soft.explains(min(self.finest, SATURATED), self.allowed, self.hard_limit)
 
     @property
+    def softness_proved(self) -> bool:
+        """Whether the motion is that of the reference with the law of soft contacts that the method solves."""
+        return self.off_soft <= max(OTHER_LAW * self.finest, self.allowed)
+
+    @property
     def passes(self) -> float:
         """Largest difference of another model that would be passed over."""
         if self.finest <= self.allowed:
@@ -243,7 +255,8 @@ class Evidence:
             return self.impact_bound + self.allowed
         if self.within_jumps:
             return self.jumps + self.allowed
-        return max(self.allowed, EXPLAINED * min(self.finest, SATURATED)) if self.softness_explains else self.allowed
+        share = OTHER_LAW if self.softness_proved else EXPLAINED
+        return max(self.allowed, share * min(self.finest, SATURATED)) if self.softness_explains else self.allowed
 
     @property
     def unseen(self) -> str:

@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from consilience.case import Case
+from consilience.compare.coarser_levels import coarser_levels
 from consilience.compare.evidence import OTHER_LAW
 from consilience.compare.instant import compare_instant, compare_model
 from consilience.compare.instants import Instants, instants_at
@@ -23,7 +24,7 @@ from consilience.compare.published import dispute, start_against_published
 from consilience.compare.reference_motion import OtherLaw, ReferenceMotion
 from consilience.compare.result import CoarserLevel, Comparison, Quantity, Verdict
 from consilience.compare.rules import OTHER_LAWS
-from consilience.compare.trajectory import coarser_levels, compare_trajectory
+from consilience.compare.trajectory import compare_trajectory
 from consilience.engine import Method, ModelAnswer, Profile, Question, Run
 from consilience.mechanism import characteristic_length, is_singular
 
@@ -113,7 +114,7 @@ class InstantJudge(QuestionJudge):
     def _under_its_law(self, run: Run, compared: Comparison) -> Comparison:
         """Name the law of contact as the cause of a difference that the reference's answer with that law explains."""
         method = method_of(run)
-        under = answer_under(method, self.references)
+        under = answer_under(method.law, self.references)
         if compared.verdict is not Verdict.MODEL or under is None or method.law is None:
             return compared
         cause = cause_of(method.law, self.case.mechanism)
@@ -191,12 +192,13 @@ class TrajectoryJudge(QuestionJudge):
         return coarser_levels(self.case.mechanism, runs, self.reference_motion)
 
     def _motion(self, method: Method) -> ReferenceMotion:
-        """Return the reference motion, with that under the law of contact of a method beside it."""
-        under = answer_under(method, self.references)
+        """Return the reference motion, with those under the law of contact of a method and its softness beside it."""
+        under, soft = (answer_under(law, self.references) for law in (method.law, method.soft_law))
+        found = self.reference_motion if soft is None else replace(self.reference_motion, soft=soft.answer)
         cause = "" if under is None or method.law is None else cause_of(method.law, self.case.mechanism)
         if under is None or not cause:
-            return self.reference_motion
-        return replace(self.reference_motion, other_law=OtherLaw(cause, method.contact_law, under.answer))
+            return found
+        return replace(found, other_law=OtherLaw(cause, method.contact_law, under.answer))
 
     @cached_property
     def _first_singular(self) -> int | None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from consilience.engine import Method, Run
+from consilience.engine import Run
 from consilience.mechanism import ContactLaw, Mechanism
 
 
@@ -26,8 +26,8 @@ def cause_of(law: ContactLaw, mechanism: Mechanism) -> str:
     return next((cause for cause, changed in changes.items() if changed), "")
 
 
-def answer_under(method: Method, references: Sequence[Run]) -> Run | None:
+def answer_under(law: ContactLaw | None, references: Sequence[Run]) -> Run | None:
     """Return the answered run of the reference with the law that a method solves; None if there is none."""
-    if method.law is None:
+    if law is None:
         return None
-    return next((run for run in references if run.method is not None and run.method.law == method.law), None)
+    return next((run for run in references if run.method is not None and run.method.law == law), None)

@@ -76,6 +76,8 @@ class ReferenceMotion:
         First sample at or behind a singular pose, at which judging ends; None if the motion is judged behind as well.
     other_law : OtherLaw or None
         Motion under the law of contact that the method solves; None if the method solves that of the case.
+    soft : TrajectoryAnswer or None
+        Motion under the law of soft contacts that the method solves; None if it has none, or it was not solved.
     rates : dict
         Fastest rates by sample, rad/s, as far as they have been asked for.
     """
@@ -88,6 +90,7 @@ class ReferenceMotion:
     sensitivities: tuple[MotionSensitivity, ...] = ()
     singular: int | None = None
     other_law: OtherLaw | None = None
+    soft: TrajectoryAnswer | None = None
     rates: dict[int, float] = field(default_factory=dict)
 
     def fastest_rate(self, mechanism: Mechanism, sample: int) -> float:
@@ -160,9 +163,10 @@ class ReferenceMotion:
     def up_to(self, count: int) -> ReferenceMotion:
         """Return the first samples alone, for motions that end there."""
         law = self.other_law and replace(self.other_law, answer=first_samples(self.other_law.answer, count))
+        soft = self.soft and first_samples(self.soft, count)
         growth = None if self.growth is None else self.growth[:count]
         answer = first_samples(self.answer, count)
-        return replace(self, answer=answer, spread=self.spread[:count], growth=growth, other_law=law)
+        return replace(self, answer=answer, spread=self.spread[:count], growth=growth, other_law=law, soft=soft)
 
     def first_singular(self, mechanism: Mechanism) -> int | None:
         """Return the first sample at or behind a singular pose; None if there is none."""

@@ -6,6 +6,7 @@ the rounding error of the horizon in `horizon`; the case gives the digits asked.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -57,7 +58,19 @@ def _softness_text(e: Evidence) -> str:
     left = min(e.softness.limit, e.hard_limit)
     return (
         f"differs by {e.finest:.2g}, by {left:.2g} without softness{' and steps' if left < e.softness.limit else ''} "
-        f"({e.softness.observed}): the engine's constraints are soft"
+        f"({e.softness.observed}): the engine's constraints are soft{_proof_text(e)}"
+    )
+
+
+def _proof_text(e: Evidence) -> str:
+    """Say whether the reference with the law of soft contacts moves alike; nothing without contacts."""
+    if not e.touching:
+        return ""
+    found = "" if math.isinf(e.off_soft) else f": {e.off_soft:.2g} from the reference with their law"
+    return (
+        f", by {e.off_soft:.2g} from the reference's motion with their law"
+        if e.softness_proved
+        else f"; not proved by re-solving{found}"
     )
 
 

@@ -32,16 +32,13 @@ from consilience.compare.motion import (
     size_of_motion,
 )
 from consilience.compare.reference_motion import ReferenceMotion, up_to_shortest
-from consilience.compare.result import CoarserLevel, Comparison, Level, Verdict, digits_of
+from consilience.compare.result import Comparison, Level, Verdict, digits_of
 from consilience.compare.rules import ELSEWHERE, NO_POWER, decide
 from consilience.engine import Question, Run, TrajectoryAnswer
 from consilience.mechanism import Array, Mechanism, turning_rate
 
 RESIDUAL_SAMPLES = 21
 RATE_SAMPLES = 3
-
-MOTION = ("time", "p_WB", "quat_WB", "v_WB_W", "w_WB_W")
-"""Fields of the motion of the bodies alone, in the order of `TrajectoryAnswer`."""
 
 
 def spread_over_time(mechanism: Mechanism, answers: Sequence[TrajectoryAnswer]) -> Array:
@@ -167,6 +164,8 @@ class _Levels:
             jumps=self._jumps(float(time[last])),
             untried=method is not None and method.softness is not None and not self.softer,
             envelope=ladder.envelope,
+            touching=bool(self.mechanism.contacts),
+            off_soft=self._off_soft(),
             **self._other_law(),
         )
         return found if found.finest <= found.allowed or found.converges_here else self._with_rates(found)
@@ -237,6 +236,15 @@ class _Levels:
             return {}
         off = difference_over_time(self.answers[-1], other.answer, self.scales.size)[: self.judged]
         return {"law": other.name, "law_cause": other.cause, "off_law": float(np.max(off, initial=0.0))}
+
+    def _off_soft(self) -> float:
+        """Return the difference of the finest level, or of the limit of the steps, to the motion with soft contacts."""
+        soft, declared = self.reference_motion.soft, self.ladder.declared
+        if soft is None:
+            return np.inf
+        motions = [self.answers[-1], *([] if declared is None else [self._limit(declared)])]
+        off = [difference_over_time(motion, soft, self.scales.size)[: self.judged] for motion in motions]
+        return min(float(np.max(one, initial=0.0)) for one in off)
 
     def _dependence(self) -> tuple[softness.Softness | None, float]:
         """Return the dependence on softness, and the difference of the limit without softness and steps.
@@ -333,24 +341,6 @@ def compare_trajectory(
         levels=levels.shown(samples),
         power=tuple(s.power(evidence.passes, levels.judged) for s in reference_motion.sensitivities),
     )
-
-
-@uncertainty.BLOWN_UP
-def coarser_levels(
-    mechanism: Mechanism, runs: Sequence[Run], reference_motion: ReferenceMotion
-) -> tuple[CoarserLevel, ...]:
-    """Compare motions at all or some samples of the reference motion with it, the longest step first."""
-    whole, size = reference_motion.answer, size_of_motion(mechanism, reference_motion.answer)
-    found = []
-    for run in sorted(runs, key=lambda run: run.step or 0.0, reverse=True):
-        largest = None
-        if run.answer is not None:
-            at = np.searchsorted(whole.time, run.answer.time)
-            some = TrajectoryAnswer(*(getattr(whole, name)[at] for name in MOTION))
-            off = difference_over_time(run.answer, some, size)[at < max(reference_motion.judged, 1)]
-            largest = float(np.max(off)) if np.all(np.isfinite(off)) else None
-        found.append(CoarserLevel(run.step or 0.0, run.cpu, largest))
-    return tuple(found)
 
 
 _OPEN = frozenset({"wide band", "impacts unclear", "not asymptotic"})

@@ -126,6 +126,8 @@ class Method:
         Which law of contact the method solves, in plain words: ``circle``, ``pyramid of 4 facets along ...``.
     law : ContactLaw or None
         That law, where it is not the case's: the reference can be asked with it.
+    soft_law : ContactLaw or None
+        The law with the softness 1 of its contacts, where that can be stated: the reference can be asked with it too.
     """
 
     name: str
@@ -139,6 +141,7 @@ class Method:
     soft_at_rest: bool = field(default=False, kw_only=True)
     contact_law: str = field(default="", kw_only=True)
     law: ContactLaw | None = field(default=None, kw_only=True)
+    soft_law: ContactLaw | None = field(default=None, kw_only=True)
 
 
 @dataclass(frozen=True, eq=False)

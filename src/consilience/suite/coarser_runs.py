@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from consilience.compare import ReferenceMotion
-from consilience.compare.trajectory import coarser_levels
+from consilience.compare.coarser_levels import coarser_levels
 from consilience.engine import Method, Profile, Run
 from consilience.mechanism import Array, Mechanism
 

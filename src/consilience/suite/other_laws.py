@@ -20,11 +20,28 @@ def with_law(mechanism: Mechanism, law: ContactLaw) -> Mechanism:
     """Return the mechanism whose contacts have another law; cones are those of contacts with friction alone."""
     given: dict[str, Any] = {field.name: getattr(law, field.name) for field in fields(law)}
     given = {name: value for name, value in given.items() if value is not None}
+    given.pop("regularisation", None)  # of the method, in place of rigid contacts
     of_friction = {name: given.pop(name) for name in ("cone", "associated", "impact_law") if name in given}
     if "compliance" in given:
         given["restitution"] = 0.0
     contacts = (replace(c, **given, **(of_friction if c.friction > 0.0 else {})) for c in mechanism.contacts)
     return replace(mechanism, contacts=tuple(contacts))
+
+
+def laws_to_solve(runs: Sequence[Run]) -> list[tuple[Question, ContactLaw]]:
+    """Return the laws of contact that methods with answers declare, with their questions, each once.
+
+    Those of soft contacts count where the softness was varied, without which no verdict depends on them.
+    """
+    answered = [run for run in runs if run.status is Status.ANSWERED and run.method is not None]
+    asked: list[tuple[Question, ContactLaw]] = []
+    for run in answered:
+        assert run.method is not None
+        soft = None if run.method.softness in (None, 1.0) else run.method.soft_law
+        for law in (run.method.law, soft):
+            if law is not None and run.question is not Question.MODEL and (run.question, law) not in asked:
+                asked.append((run.question, law))
+    return asked
 
 
 def runs_under_other_laws(
@@ -41,12 +58,7 @@ def runs_under_other_laws(
     store : Store, optional
         Store of answers.
     """
-    answered = [run for run in runs if run.status is Status.ANSWERED and run.method is not None]
-    asked: list[tuple[Question, ContactLaw]] = []
-    for run in answered:
-        law = run.method.law if run.method is not None else None
-        if law is not None and run.question is not Question.MODEL and (run.question, law) not in asked:
-            asked.append((run.question, law))
+    asked = laws_to_solve(runs)
     plan = reference.ask(Request(case.mechanism)).value if asked else None
     if not isinstance(plan, Plan):
         return

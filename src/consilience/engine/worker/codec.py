@@ -43,7 +43,7 @@ _MODEL = (
     *(elements.Drive, elements.Coupling, elements.Rolling, elements.Skate),
     *(contacts.SpherePlane, contacts.PointPlane, contacts.SphereSphere),
     *(contacts.DiscPlane, contacts.BoxPlane, contacts.CapsulePlane),
-    *(contact_laws.Cone, contact_laws.Compliance, contact_laws.ContactLaw),
+    *(contact_laws.Cone, contact_laws.Compliance, contact_laws.ContactLaw, contact_laws.Regularisation),
     *(stops.Stop, stops.DryFriction),
     *(functions.Function, functions.Table),
 )
@@ -61,7 +61,7 @@ CHECKED: dict[type, tuple[str, ...]] = {
     Manifest: ("exact", "approximated"),
     Method: (
         *("name", "route", "order", "substeps", "tolerances", "settings", "profile", "softness"),
-        *("soft_at_rest", "contact_law", "law"),
+        *("soft_at_rest", "contact_law", "law", "soft_law"),
     ),
     Unsupported: ("feature", "reason"),
     Plan: ("unsupported", "methods", "manifest"),

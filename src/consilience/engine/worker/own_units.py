@@ -73,14 +73,16 @@ def _in(units: Units, method: Method) -> Method:
     if units == Units():
         return method
     settings = {**method.settings, SETTING: list(units.inverse)}
-    return replace(method, settings=settings, law=_law_in(units.inverse, method.law))
+    law, soft_law = (_law_in(units.inverse, one) for one in (method.law, method.soft_law))
+    return replace(method, settings=settings, law=law, soft_law=soft_law)
 
 
 def _law_in(units: Units, law: ContactLaw | None) -> ContactLaw | None:
     """Return a law of contact in other units."""
     if law is None:
         return None
-    return replace(units.convert(law), compliance=law.compliance and units.convert(law.compliance))
+    rows = law.regularisation and tuple(units.convert(row) for row in law.regularisation)
+    return replace(units.convert(law), compliance=law.compliance and units.convert(law.compliance), regularisation=rows)
 
 
 def _units(mechanism: Mechanism, states: Sequence[State]) -> Units:
