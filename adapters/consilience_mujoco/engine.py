@@ -49,6 +49,7 @@ from consilience_mujoco.manifest import manifest
 from consilience_mujoco.messages import warnings_raise
 from consilience_mujoco.methods import STIFF, configured, evaluations, methods
 from consilience_mujoco.rows import count_rows
+from consilience_mujoco.soft_law import has_soft_law, with_soft_law
 from consilience_mujoco.states import poses_and_velocities, set_state
 from consilience_mujoco.translate import (
     Translation,
@@ -146,7 +147,9 @@ class MujocoEngine:
         """Return the methods that answer the question, the headline method first."""
         equalities = count_rows(mechanism, self._tree(mechanism))
         if is_unilateral(mechanism):
-            return unilateral_methods(mechanism, question, equalities)
+            found = unilateral_methods(mechanism, question, equalities)
+            soft = question is Question.TRAJECTORY and has_soft_law(mechanism, equalities)
+            return with_soft_law(found, self._compile(mechanism)) if soft else found
         return methods(question, equalities, self._stiff(mechanism))
 
     def _stiff(self, mechanism: Mechanism) -> bool:
