@@ -25,7 +25,7 @@ from consilience.engine import (
 )
 from consilience.engine.worker.client import Reply
 from consilience.engine.worker.requests import Plan
-from consilience.mechanism import Initial, JointSpring
+from consilience.mechanism import GROUND, Initial, JointSpring, SpherePlane
 from consilience.suite.engine_runs import EngineCase
 from mechanisms import chain
 from situations import MECHANISM, SHAPE, SITUATIONS, SIZE, TIMES, TRUE, Situation, motion
@@ -88,21 +88,27 @@ def test_an_order_elsewhere_by_chance_is_asked_once_more():
 
 
 @pytest.mark.parametrize(
-    ("motion", "other"),
+    ("motion", "friction", "other"),
     [
-        ({"contact_mode": np.full((len(TIMES), 1), CONTACT_MODES.index("sticking"))}, True),
-        ({"contact_mode": np.eye(1, len(TIMES), 3, dtype=int).T}, False),
-        ({"event_kind": np.array([EVENT_KINDS.index("closes")])}, True),
-        ({"event_kind": np.array([EVENT_KINDS.index("slips")])}, False),
-        ({"event_kind": np.array([EVENT_KINDS.index("impact")])}, False),
+        ({"contact_mode": np.full((len(TIMES), 1), CONTACT_MODES.index("sticking"))}, 0.3, True),
+        ({"contact_mode": np.eye(1, len(TIMES), 3, dtype=int).T}, 0.3, False),
+        ({"contact_mode": np.eye(1, len(TIMES), 3, dtype=int).T}, 0.0, True),
+        ({"event_kind": np.array([EVENT_KINDS.index("closes")])}, 0.3, True),
+        ({"event_kind": np.array([EVENT_KINDS.index("slips")])}, 0.3, False),
+        ({"event_kind": np.array([EVENT_KINDS.index("impact")])}, 0.0, False),
     ],
-    ids=["sticks", "slides at a sample", "closes", "slips between samples", "hits"],
+    ids=["sticks", "slides at a sample", "slides without friction", "closes", "slips between samples", "hits"],
 )
-def test_a_softness_that_leads_to_the_law_at_rest_alone_is_not_varied_where_the_reference_slides_or_hits(motion, other):
+def test_a_softness_that_leads_to_the_law_at_rest_alone_is_not_varied_where_the_reference_slides_or_hits(
+    motion, friction, other
+):
     times = {"event_time": np.array([0.5]), "event_contact": np.array([0])} if "event_kind" in motion else {}
     yard = replace(YARD, answer=replace(TRUE, **motion, **times))
+    name, zero = MECHANISM.bodies[0].name, np.zeros(3)
+    floor = SpherePlane("floor", name, zero, 0.1, GROUND, zero, np.array([2.0, -1.0, 2.0]), friction=friction)
+    case = replace(CASE, mechanism=replace(MECHANISM, contacts=(floor,)))
     for at_rest in (True, False):
-        _, scales = asked(lambda h, s: h**2 + 1e-2 * s, soft=True, yard=yard, soft_at_rest=at_rest)
+        _, scales = asked(lambda h, s: h**2 + 1e-2 * s, soft=True, yard=yard, case=case, soft_at_rest=at_rest)
         assert bool(scales) == (other or not at_rest)
 
 

@@ -123,11 +123,11 @@ class ReferenceMotion:
         kinds, times = self.answer.event_kind, self.answer.event_time
         return np.zeros(0) if kinds is None or times is None else np.asarray(times)[np.asarray(kinds) != IMPACT]
 
-    @property
-    def slides_or_hits(self) -> bool:
-        """Whether a contact slides at a sample or begins to between samples, or bodies hit one another."""
+    def slides_or_hits(self, mechanism: Mechanism) -> bool:
+        """Whether a contact slides with friction at a sample, slips between samples, or bodies hit one another."""
         modes, kinds = self.answer.contact_mode, self.answer.event_kind
-        sliding = modes is not None and bool(np.any(np.asarray(modes) == SLIDING))
+        rough = [contact.friction > 0.0 for contact in mechanism.contacts]
+        sliding = modes is not None and bool(np.any(np.asarray(modes)[:, rough] == SLIDING))
         begins = kinds is not None and bool(np.any(np.isin(np.asarray(kinds), (IMPACT, SLIPS))))
         return sliding or begins
 

@@ -120,8 +120,8 @@ class Method:
         the constraints are hard. The harness asks again with another scale to see whether a difference to the
         reference depends on the regularisation.
     soft_at_rest : bool
-        Whether the softness leads to the case's law only where nothing slides and nothing hits, as of convex cones,
-        which lift what slides however hard they are. Where the reference slides or hits, no other softness is asked.
+        Whether the softness leads to the case's law only where nothing slides with friction and nothing hits, as of
+        convex cones, which lift what slides however hard they are. Elsewhere no other softness is asked.
     contact_law : str
         Which law of contact the method solves, in plain words: ``circle``, ``pyramid of 4 facets along ...``.
     law : ContactLaw or None

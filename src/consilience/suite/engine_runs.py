@@ -140,7 +140,8 @@ class EngineCase:
     def ladder(self, question: Question, method: Method, levels: Sequence[float | None]) -> Iterator[Run]:
         """Ask at all levels of a method; if `closer`, also at finer ones until the order settles, and softer."""
         runs: list[Run] = []
-        if method.soft_at_rest and self.reference_motion is not None and self.reference_motion.slides_or_hits:
+        motion = self.reference_motion
+        if method.soft_at_rest and motion is not None and motion.slides_or_hits(self.case.mechanism):
             method = replace(method, softness=None)
         for level, step in enumerate(levels):
             runs.append(self._level(question, method, level, step))
