@@ -35,7 +35,7 @@ LAW = ContactLaw(
 @pytest.mark.parametrize(
     ("off", "said"),
     [
-        (0.5 * OTHER_LAW * FINEST, "by 2.5e-05 from the reference's motion with their law"),
+        (0.5 * OTHER_LAW * FINEST, "soft; differs by 2.5e-05 from the reference's motion with their law"),
         (2.0 * OTHER_LAW * FINEST, "not proved by re-solving: 0.0001 from the reference with their law"),
         (math.inf, "not proved by re-solving"),
     ],

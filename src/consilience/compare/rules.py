@@ -68,7 +68,7 @@ def _proof_text(e: Evidence) -> str:
         return ""
     found = "" if math.isinf(e.off_soft) else f": {e.off_soft:.2g} from the reference with their law"
     return (
-        f", by {e.off_soft:.2g} from the reference's motion with their law"
+        f"; differs by {e.off_soft:.2g} from the reference's motion with their law"
         if e.softness_proved
         else f"; not proved by re-solving{found}"
     )
