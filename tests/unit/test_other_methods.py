@@ -37,6 +37,8 @@ DEFAULTS = {"profile": Profile.DEFAULT}
         (Route.EXTRAPOLATED, 9e-5, 1e-8, Verdict.UNRESOLVED, "14.0 digits: its extrapolation"),
         (Route.EXTRAPOLATED, 1.1e-4, 1e-8, Verdict.MODEL, "above the bar"),
         (Route.TUNED, 1.1e-9, 1e-11, Verdict.MODEL, "above the bar"),
+        (Route.TUNED, 9e-6, 1e-8, Verdict.UNRESOLVED, "14.0 digits: its solver"),  # a condition of 1e3 squared: 1e-5
+        (Route.TUNED, 1.1e-5, 1e-8, Verdict.MODEL, "above the bar"),
         (Route.TUNED, 9e-12, 1e-11, Verdict.AGREES, "within the bar"),
     ],
 )

@@ -289,7 +289,8 @@ CONVERGENCE = frozenset({"no ladder", "converged elsewhere", ELSEWHERE})
 """Rules that blame the model because neither steps nor softness explain a difference."""
 
 INSTANT_RULES: dict[str, str] = {
-    "solver": "the engine's own terms agree; its solver misses the bar by two digits at most, an extrapolation by four",
+    "solver": "the engine's own terms agree; its solver misses the bar by two digits or the condition's, "
+    "an extrapolation by four",
     "tuning": "a wide bar passes a tuned method that is ten times worse than the engine's own settings",
 }
 """Condition in words of the rules by which an instant is unresolved (`other_methods`)."""
