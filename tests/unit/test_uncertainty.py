@@ -238,6 +238,7 @@ STALLED = {  # declared order, error of a step in s, and what becomes of the pos
     "rounding": (2, lambda h: 1e-12 * h, "is rounding"),
     "worse with smaller steps": (1, lambda h: 1e-9 / h, "smaller steps lead nowhere, so that no run tells the error"),
     "levels that all miss the same": (2, lambda h: min(h, 2e-3), False),
+    "the same of order four": (4, lambda h: 1e-3 + (h / 0.1) ** 4 if h > 2e-3 else 0.0, False),
 }
 
 

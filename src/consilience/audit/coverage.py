@@ -1,11 +1,11 @@
-"""Coverage of the uncertainty of motions: bands of ladders against the errors to far finer runs.
+"""Coverage of the uncertainty of motions: bands of ladders against the errors to finer runs.
 
-Every engine runs its ladder on every case as in a suite, and once more with far smaller steps. The difference of the
+Every engine runs its ladder on every case as in a suite, and once more with smaller steps. The difference of the
 ladder's finest level to the finer run is the true discretisation error, whatever the reference says; the band of that
 level, from the ladder alone, should be larger, and not by much. One observable of one ladder is one trial.
 
 Errors of rounding are no trials, nor are motions that get worse with smaller steps: a band that seems not to hold is
-counted if a run at twice the finer step is nearer to the finer run than the finest level is.
+counted if a run at half the finer step is nearer to the finer run than the finest level is.
 """
 
 from __future__ import annotations
@@ -35,8 +35,7 @@ LEAST_FACTOR, BUDGET = 4, 10.0
 """Least ratio of steps where the declared order asks for more, and CPU time in s above which that ratio is taken."""
 
 NEARER = 0.5
-"""Largest difference of two finer runs, over the error: a third for order one at the least ratio, less for others."""
-
+"""Largest difference of two finer runs, over the error: a sixth for order one at the least ratio, less for others."""
 
 WORSE = "smaller steps lead nowhere, so that no run tells the error"
 
@@ -134,7 +133,7 @@ def ladder_trials(
     if finer is None:
         yield Skipped(case.name, worker.engine, method.name, reason)
         return
-    scales, between = Scales.of(case.mechanism, finer), None
+    scales, beyond = Scales.of(case.mechanism, finer), None
     for estimate in estimates(answers, method, [run.step for run in runs], scales):
         difference = OBSERVABLES[estimate.name]
         error = float(np.max(difference(answers[-1], finer, scales)))
@@ -143,8 +142,8 @@ def ladder_trials(
             yield Skipped(case.name, worker.engine, method.name, f"{estimate.name}: {error:.0e} is rounding")
             continue
         if not trial.covered:
-            between = between or _finer(worker, case, plan, method, runs[-1], factor // 2)[0]
-            if between is not None and float(np.max(difference(between, finer, scales))) > NEARER * error:
+            beyond = beyond or _finer(worker, case, plan, method, runs[-1], 2 * factor)[0]
+            if beyond is not None and float(np.max(difference(beyond, finer, scales))) > NEARER * error:
                 yield Skipped(case.name, worker.engine, method.name, f"{estimate.name}: {WORSE}")
                 continue
         yield trial

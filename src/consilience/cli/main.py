@@ -22,7 +22,7 @@ LAZY_COMMANDS: dict[str, tuple[str, str]] = {
     ),
     "coverage": (
         "coverage.coverage",
-        "Check that the uncertainty bands of all motions hold, against far finer runs of the same engines.",
+        "Check that the uncertainty bands of all motions hold, against finer runs of the same engines.",
     ),
     "crosscheck": (
         "crosscheck.crosscheck",

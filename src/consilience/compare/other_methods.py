@@ -76,6 +76,7 @@ def lost_by_solver(settled: Sequence[Comparison], engine: str, profile: Profile)
 
 
 def _by_the_solver(one: Comparison) -> bool:
+    """Whether the quantities that miss their bars miss them by what a solver, or an extrapolation, explains."""
     missed = [q for q in one.quantities if not q.met]
     return one.verdict is Verdict.MODEL and all(
         q.name in SOFTENED and q.difference <= _explained(one, q) for q in missed

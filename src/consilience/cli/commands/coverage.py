@@ -19,7 +19,7 @@ def coverage(
     output: TablesFile = None,
     form: Form = OutputFormat.TEXT,
 ) -> None:
-    """Check that the uncertainty bands of all motions hold, against far finer runs of the same engines."""
+    """Check that the uncertainty bands of all motions hold, against finer runs of the same engines."""
     from consilience.audit import coverage as campaign
     from consilience.cli.terminal import err, print_tables, write_json
     from consilience.suite import FULL, QUICK
