@@ -130,6 +130,11 @@ def late(onset: float, order: int) -> Error:
     return lambda h, _: np.where(onset < TIMES, 1e-2 * (h / 0.005) ** order, 1e-12) * SHAPE
 
 
+def saturated(h: float, s: float) -> np.ndarray:
+    """Error in proportion to the step, and one at the end that has hardly begun to fall with it."""
+    return np.where(TIMES > 1.9, 0.08 - 0.02 * np.exp(-h / 0.005), 3.0 * h * SHAPE)
+
+
 def noise(size: float) -> Error:
     """Rounding error: different at every step size."""
     return lambda h, s: size * np.random.default_rng(int(1e6 * h + s)).normal(size=len(TIMES))
@@ -381,6 +386,7 @@ SITUATIONS = (
     Situation("erratic steps", lambda h, s: 1e-2 * np.sin(1 / h), U, "not asymptotic"),
     Situation("steps far too coarse", lambda h, s: np.tanh(3e3 * h**2) * 0.5, U, "not asymptotic"),
     Situation("steps far too coarse, order by chance", lambda h, s: 30.0 * h, U, "wide band", order=1),
+    Situation("an error that saturates late, beside one of the steps", saturated, U, "wide band", order=1),
     Situation("a model error of half the error of the steps", lambda h, s: 2.0 * h**2 + 2.5e-5, U, "wide band"),
     Situation("levels that agree, steps of a radian", lambda h, s: 1e-3, U, "unresolved rate", steps=(1.6, 0.8, 0.4)),
     Situation("agreement within what gravity changes", lambda h, s: 1e-9, U, "no power", effect=9e-8, digits=8),

@@ -49,8 +49,8 @@ UNTURNED = 1e-6
 SOLVERS = (("NsgsFrictionSolver", "maxSweeps", 1000), ("FbfFrictionSolver", "maxOuterIterations", 4000))
 """Solvers of friction in the order in which they are asked, with the option that bounds their iterations, and the
 bound. The first is faster and has more digits, but does not converge for boxes that slide; the second does not for a
-ball that rolls in a trough, and 100 iterations are too few for a box that tips. Each has a world of its own, because
-DART begins with the forces of the step before."""
+ball that rolls in a trough, and 100 iterations are too few for a box that tips. Each has a world of its own at
+each state, because DART begins with the forces of the step before."""
 
 FINE = 1e-12
 """Their tolerance."""

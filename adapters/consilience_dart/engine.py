@@ -167,7 +167,8 @@ class DartEngine:
         accelerations, wrenches, energies = [], [], []
         for state in states:
             suited = suited_rods(mechanism, state)
-            if model is None or model.mechanism is not suited:
+            # DART begins to solve friction with the forces before: each state has worlds of its own
+            if model is None or model.mechanism is not suited or method.name == INSTANT:
                 worlds = len(SOLVERS) if method.name == INSTANT else int(native)
                 steppers = [_stepper(suited, state, method) for _ in range(worlds)]
                 model = steppers[0].model if steppers else self._translated(suited)

@@ -194,6 +194,14 @@ def test_differs_in_the_model_where_the_levels_converge_to_something_else():
     assert found.verdict is Verdict.MODEL
 
 
+@pytest.mark.parametrize(
+    ("turns", "verdict"), [([0.1096, 0.1073, 0.1026], Verdict.UNRESOLVED), ([0.1026] * 3, Verdict.MODEL)]
+)
+def test_only_turns_that_the_levels_have_settled_blame_a_model(turns, verdict):
+    """Beside displacements of order one: turns that fall faster with each halving, and such that stand."""
+    assert judge(powers(3.0, 1), order=1, turns=turns).verdict is verdict
+
+
 @pytest.mark.parametrize("plateau", [1e-6, 1e-4, 1e-2, 1.0])
 def test_a_plateau_is_never_called_discretisation_once_it_stands_out(plateau):
     found = judge(powers(0.01 * plateau / 0.005**2, 2, plateau), order=2)

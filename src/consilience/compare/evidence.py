@@ -89,6 +89,8 @@ class Evidence:
     envelope : float or None
         Largest error of the finest level if errors are below a multiple of the step, see `uncertainty.envelope`; None
         where the levels do not shrink with the step.
+    settled : float
+        Difference of the limit along which levels draw together (`uncertainty.off_where_closing`); infinite if unknown.
     phase : float
         Largest displacement by impacts that come up to a step early or late: twice the largest rate of the motion times
         the finest step and the number of impacts. Levels of halved steps share their grid, so that an envelope alone
@@ -145,6 +147,7 @@ class Evidence:
     impacts: bool = False
     together: float = math.inf
     envelope: float | None = None
+    settled: float = math.inf
     phase: float = 0.0
     jumps: float = 0.0
     untried: bool = False
@@ -174,10 +177,20 @@ class Evidence:
 
     @property
     def converges_elsewhere(self) -> bool:
-        """Whether the limit of clean levels is beyond the band; of others, beyond the band of a doubtful ladder."""
+        """Whether the limit of clean levels is beyond the band; of others, beyond the band of a doubtful ladder.
+
+        Levels that part further with smaller steps have no limit.
+        """
         if not self.asymptotic or self.limit is None or self.band is None or self.saturation > LINEAR:
             return False
-        return self.limit > (1.0 if self.clean else CAUTIOUS / SAFE) * self.band + self.jumps + self.allowed
+        least = (1.0 if self.clean else CAUTIOUS / SAFE) * self.band + self.jumps + self.allowed
+        return min(self.limit, self.settled) > least
+
+    @property
+    def met_elsewhere(self) -> bool:
+        """Whether levels without a clear order differ less from one another than by a third from the reference."""
+        least = max(CAUTIOUS * self.spread + self.allowed, ROUNDING)
+        return not self.asymptotic and min(self.finest, self.settled) > least
 
     @property
     def clean(self) -> bool:

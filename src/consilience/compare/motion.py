@@ -21,6 +21,7 @@ from consilience.mechanism import (
     characteristic_length,
     constraint_residual,
     count_turns,
+    quaternion_product,
     rotation_angle_between,
     rotation_from_quaternion,
 )
@@ -38,6 +39,23 @@ def size_of_motion(mechanism: Mechanism, answer: TrajectoryAnswer) -> float:
     The characteristic length matters where origins hardly move, as on a fixed axis, and their travel is rounding.
     """
     return max(float(np.max(np.ptp(answer.p_WB, axis=0))), characteristic_length(mechanism))
+
+
+def displacements(a: TrajectoryAnswer, b: TrajectoryAnswer, size: float) -> Array:
+    """Return displacements of the bodies from one motion to another: of origins over size, and of orientations.
+
+    Parameters
+    ----------
+    a, b : TrajectoryAnswer
+    size : float, m
+
+    Returns
+    -------
+    ndarray, shape (2, n_t, n_b, 3)
+        World axes; of an orientation the axis times twice the sine of half the angle.
+    """
+    turn = quaternion_product(b.quat_WB, a.quat_WB * np.array([1.0, -1.0, -1.0, -1.0]))
+    return np.stack([(b.p_WB - a.p_WB) / size, np.copysign(2.0, turn[..., :1]) * turn[..., 1:]])
 
 
 def difference_over_time(a: TrajectoryAnswer, b: TrajectoryAnswer, size: float) -> Array:

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from consilience.compare.evidence import LOST, RESOLVED, Evidence
 from consilience.compare.power import LARGEST
 from consilience.compare.result import Verdict
-from consilience.compare.uncertainty import CAUTIOUS, ROUNDING
 
 FASTER = 1e3
 """Largest ratio of the relative difference of velocities to that of poses: an oscillating error a thousand times faster
@@ -258,7 +257,7 @@ RULES: tuple[Rule, ...] = (
         "converged elsewhere",
         Verdict.MODEL,
         "levels without a clear order differ by less from one another than by a third from the reference",
-        lambda e: not e.asymptotic and e.finest > max(CAUTIOUS * e.spread + e.allowed, ROUNDING),
+        lambda e: e.met_elsewhere,
         lambda e: f"differs by {e.finest:.2g}, levels by {e.spread:.2g}, order {e.observed}: they have met elsewhere",
     ),
     Rule(

@@ -69,6 +69,7 @@ class _Ladder:
     change: float = np.inf
     spread: float = np.inf
     envelope: float | None = None
+    settled_limit: float = np.inf
     declared: int | None = None
 
     @property
@@ -108,11 +109,13 @@ class _Levels:
         ratio, size = uncertainty.ratio_of(self.steps), self.scales.size
         changes = [difference_over_time(a, b, size)[judged] for a, b in pairwise(self.answers)]
         largest = [float(np.max(change)) for change in changes]
+        limit = self._limit(declared)
         chain = self.answers[-3:] if len(self.answers) > 2 else [*self.answers, self.reference]
         found = _Ladder(
             order=uncertainty.finest_order([uncertainty.rms(e[judged]) for e in self.errors], ratio),
             self_order=uncertainty.finest_order([uncertainty.rms(c) for c in changes], ratio),
-            limit=self._off(self._limit(declared)),
+            limit=self._off(limit),
+            settled_limit=uncertainty.off_where_closing(self.answers, limit, self.reference, size, judged, ratio),
             saturation=max(saturation(a, b, size, judged) for a, b in pairwise(chain)),
             change=max(largest[-2:]) if len(largest) > 1 else np.inf,
             spread=_spread(largest),
@@ -130,6 +133,12 @@ class _Levels:
     def _off(self, motion: TrajectoryAnswer) -> float:
         """Return the largest difference of a motion to the reference up to the horizon."""
         return float(np.max(difference_over_time(motion, self.reference, self.scales.size)[: self.judged]))
+
+    @property
+    def _native_step(self) -> float:
+        """Step of the finest level; zero for tolerances."""
+        method = self.runs[-1].method
+        return (self.steps[-1] or 0.0) if method is not None and method.substeps else 0.0
 
     def evidence(self, earlier: str = "", lost: float = 0.0) -> Evidence:
         """Return the numbers by which the levels are judged."""
@@ -164,6 +173,7 @@ class _Levels:
             jumps=self._jumps(float(time[last])),
             untried=method is not None and method.softness is not None and not self.softer,
             envelope=ladder.envelope,
+            settled=ladder.settled_limit,
             touching=bool(self.mechanism.contacts),
             off_soft=self._off_soft(),
             **self._other_law(),
@@ -172,8 +182,7 @@ class _Levels:
 
     def _with_rates(self, found: Evidence) -> Evidence:
         """Add the rates that the finest step has to resolve; zero for tolerances."""
-        step, method = self.steps[-1], self.runs[-1].method
-        if method is None or not method.substeps or not step or self.judged < 1:
+        if not (step := self._native_step) or self.judged < 1:
             return found
         answer, mechanism = self.reference, self.mechanism
         rate = max(self.reference_motion.fastest_rate(mechanism, n) for n in kept_samples(self.judged, RATE_SAMPLES))
@@ -207,8 +216,7 @@ class _Levels:
 
     def _phase(self, end: float) -> float:
         """Return the largest displacement by impacts up to a time that come up to a step early or late."""
-        step, method = self.steps[-1], self.runs[-1].method
-        if method is None or not method.substeps or not step:
+        if not (step := self._native_step):
             return 0.0
         rate = max(self.scales.speed / self.scales.size, self.scales.spin)
         return 2.0 * rate * step * float(np.sum(self.reference_motion.impacts <= end))
@@ -218,9 +226,8 @@ class _Levels:
 
         A contact that opens, or a slip that reverses, leaves the speed that its last step had: the displacement grows.
         """
-        step, method = self.steps[-1], self.runs[-1].method
         changes = np.sum(self.reference_motion.mode_changes <= end)
-        if method is None or not method.substeps or not step or not changes:
+        if not (step := self._native_step) or not changes:
             return 0.0
         over = np.diff(self.reference.time)[:, None, None]
         speeds, spins = (np.diff(v, axis=0) / over for v in (self.reference.v_WB_W, self.reference.w_WB_W))

@@ -32,7 +32,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from consilience.compare.motion import OBSERVABLES, Scales, difference_over_time, extrapolated
+from consilience.compare.motion import OBSERVABLES, TINY, Scales, difference_over_time, displacements, extrapolated
 from consilience.engine import Method, TrajectoryAnswer
 from consilience.mechanism import Array
 
@@ -206,3 +206,40 @@ def needs_another_level(answers: Sequence[TrajectoryAnswer], method: Method, ste
 def richardson(coarse: TrajectoryAnswer, fine: TrajectoryAnswer, order: float, ratio: float = 2.0) -> TrajectoryAnswer:
     """Return the Richardson limit of two levels."""
     return extrapolated(coarse, fine, 1.0 / (ratio**order - 1.0))
+
+
+def off_where_closing(
+    levels: Sequence[TrajectoryAnswer],
+    limit: TrajectoryAnswer,
+    reference: TrajectoryAnswer,
+    size: float,
+    judged: slice,
+    ratio: float,
+) -> float:
+    """Return the largest difference of a limit to the reference along which the levels draw together.
+
+    Errors that have grown as large as they can hardly change with the step, and change more with smaller ones, beside
+    others that shrink with the declared order: a limit by this order is none for them. Levels draw together along the
+    displacement of a body from the reference to the limit where the last change along it is smaller by the least order
+    that is believed, or rounding. Two levels do not tell.
+
+    Parameters
+    ----------
+    levels : sequence of TrajectoryAnswer
+        Coarse to fine.
+    limit, reference : TrajectoryAnswer
+    size : float, m
+        Size of the motion.
+    judged : slice
+        Samples up to the horizon.
+    ratio : float
+        Ratio of the two finest steps.
+    """
+    off = displacements(reference, limit, size)[:, judged]
+    largest = np.linalg.norm(off, axis=-1)
+    if len(levels) > 2:
+        along = off / np.maximum(largest, TINY)[..., None]
+        changes = [displacements(a, b, size)[:, judged] for a, b in pairwise(levels[-3:])]
+        before, last = (np.abs(np.sum(change * along, axis=-1)) for change in changes)
+        largest = largest[last <= np.maximum(before / ratio**LEAST_ORDER, ROUNDING)]
+    return float(np.max(largest, initial=0.0))
