@@ -1,5 +1,6 @@
 """MuJoCo's soft contacts at its defaults: the law that its adapter names, solved by the reference, against MuJoCo."""
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -8,11 +9,23 @@ from consilience.compare.motion import difference_over_time, size_of_motion
 from consilience.compare.result import Verdict
 from consilience.compare.uncertainty import richardson
 from consilience.engine import Profile, Question
-from consilience.mechanism import GROUND, Body, Frame, Joint, Mechanism, SpherePlane, State, contact_parts
+from consilience.mechanism import (
+    GROUND,
+    Body,
+    Frame,
+    Joint,
+    Mechanism,
+    SpherePlane,
+    State,
+    contact_parts,
+    rotation_from_quaternion,
+)
 from consilience.reference.contact import simulate_regularised, simulate_with_contacts
+from consilience.reference.contact.regularised import _Regularised
 from consilience.suite import Resources, run_suite
 from consilience.suite.other_laws import with_law
 from consilience_mujoco.engine import MujocoEngine
+from consilience_mujoco.states import set_state
 
 PLATEAU = 1e-3
 """Largest share that may be left of the difference to rigid contacts."""
@@ -64,6 +77,31 @@ def test_the_reference_with_the_law_of_the_adapter_moves_as_mujoco_does(problem)
     levels = [MujocoEngine().trajectory(mechanism, state, times, method, h) for h in steps]
     made, left = (float(np.max(difference_over_time(richardson(*levels, 1, 2.0), one, size))) for one in (rigid, soft))
     assert left < PLATEAU * made
+
+
+@pytest.mark.parametrize("spin", [(0.0, 0.0, 0.0), (3.0, 10.0, -2.0)])
+def test_accelerations_of_a_lumpy_ball_that_slides_and_spins_are_those_of_mujoco(spin):
+    """Its origin is neither its middle nor its centre of mass: MuJoCo's a = J v' is of the velocity of the origin."""
+    (case,) = load_cases("ball_slips")
+    mechanism, start, engine = case.mechanism, case.initial_state, MujocoEngine()
+    method, normal = default_method(mechanism), mechanism.contacts[0].normal
+    p = start.p_WB - 1e-5 * normal / np.linalg.norm(normal)
+    state = State(p, start.quat_WB, np.array([[0.3, 0.1, -0.2]]), np.array([spin]))
+    translation = engine._prepare(mechanism, state, method)
+    set_state(translation, state)
+    data = translation.data
+    mujoco.mj_forward(translation.model, data)
+    assert data.ncon == 1
+    law = method.soft_law
+    soft = _Regularised(with_law(mechanism, law), law.regularisation, state)
+    found = soft.derivative(0.0, soft.start)[7:13].reshape(2, 3)
+    theirs = data.qacc[:6].reshape(2, 3)
+    for accelerations, axes in (
+        (found, rotation_from_quaternion(start.quat_WB[0])),
+        (theirs, data.xmat[1].reshape(3, 3)),
+    ):
+        accelerations[1] = axes @ accelerations[1]
+    np.testing.assert_allclose(found, theirs, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.slow

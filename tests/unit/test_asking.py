@@ -87,6 +87,12 @@ def test_an_order_elsewhere_by_chance_is_asked_once_more():
     assert asked(lambda h, s: errors[round(SAMPLE / h)])[0] == [*THREE, 80]
 
 
+def test_a_limit_just_beyond_the_band_is_asked_until_the_band_is_clear_of_it():
+    """Clean levels of order two: the band of three is 5/4 of a third of the last change, that of four a quarter."""
+    plateau = 1.5 * 1.25 * 0.1 / 40**2
+    assert asked(lambda h, s: plateau + 0.1 * (h / SAMPLE) ** 2)[0] == [*THREE, 80]
+
+
 @pytest.mark.parametrize(
     ("motion", "friction", "other"),
     [

@@ -236,6 +236,12 @@ def test_a_ladder_cut_short_blames_no_model_and_names_the_step_it_needs():
         assert f"the next level, at {STEPS[len(errors) - 1] / 2:.2g} s, would take" in found.why
 
 
+@pytest.mark.parametrize(("cpu", "verdict"), [(0.1, Verdict.MODEL), (2.5, Verdict.UNRESOLVED)])
+def test_a_ladder_cut_short_blames_no_model_just_beyond_its_band(cpu, verdict):
+    """A plateau of 1.6 bands: the band of order one is 5/4 of the last change."""
+    assert judge(powers(1.0, 1, plateau=-1.6 * 1.25 * 0.005), order=1, cpu=cpu).verdict is verdict
+
+
 def test_levels_keep_their_step_cost_and_curve():
     found = judge(powers(1.0, 2))
     assert [level.step for level in found.levels] == list(STEPS)

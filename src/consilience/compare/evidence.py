@@ -177,14 +177,21 @@ class Evidence:
 
     @property
     def converges_elsewhere(self) -> bool:
-        """Whether the limit of clean levels is beyond the band; of others, beyond the band of a doubtful ladder.
+        """Whether the limit of clean levels is beyond the band; of others, or if cut short, far beyond it.
 
         Levels that part further with smaller steps have no limit.
         """
         if not self.asymptotic or self.limit is None or self.band is None or self.saturation > LINEAR:
             return False
-        least = (1.0 if self.clean else CAUTIOUS / SAFE) * self.band + self.jumps + self.allowed
-        return min(self.limit, self.settled) > least
+        beyond = min(self.limit, self.settled) > self.band + self.jumps + self.allowed
+        return beyond and ((self.clean and not self.cut) or not self.just_beyond)
+
+    @property
+    def just_beyond(self) -> bool:
+        """Whether the limit is within the band of a doubtful ladder: bands miss, if seldom."""
+        assert self.limit is not None
+        doubtful = CAUTIOUS / SAFE * (self.band or 0.0) + self.jumps + self.allowed
+        return min(self.limit, self.settled) <= doubtful
 
     @property
     def met_elsewhere(self) -> bool:

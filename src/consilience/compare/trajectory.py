@@ -386,9 +386,9 @@ class Prospect:
         levels = _Levels(mechanism, runs, reference_motion, softer)
         evidence = levels.evidence()
         rule, _ = decide(evidence)
-        chance = rule.name == ELSEWHERE and not evidence.clean and len(levels.steps) <= uncertainty.LEAST_LEVELS
-        if chance or rule.name == NO_POWER:
-            return cls(False, True)  # three levels have an order by chance; a finer one has a narrower band
+        chance = not evidence.clean and len(levels.steps) <= uncertainty.LEAST_LEVELS  # three have an order by chance
+        if rule.name == NO_POWER or (rule.name == ELSEWHERE and (chance or evidence.just_beyond)):
+            return cls(False, True)  # a finer level has a narrower band
         if rule.verdict is not Verdict.DISCRETISATION:
             steady = levels.ladder.change <= softness.EXPLAINED * evidence.finest
             return cls(rule.final, rule.name in _OPEN, evidence.unresolved_rate, steady)

@@ -3,7 +3,7 @@
 The rows E of all contacts that overlap are those of the law: the normal n of a contact without friction, the four edges
 ``n + mu t1``, ``n - mu t1``, ``n + mu t2``, ``n - mu t2`` of one with friction. At each state their forces f obey
 
-    0 <= f  _|_  E u' + R f - a_ref >= 0,      u' = E (J a_0 + bias) + G f,      G = E K K^T E^T,
+    0 <= f  _|_  E u' + R f - a_ref >= 0,      u' = E J a_0 + G f,      G = E K K^T E^T,
 
 in the notation of `equations`: as G + R is positive definite, f is the one solution of a least-squares problem with
 f >= 0 (C. Lawson, R. Hanson, Solving Least Squares Problems, 1974). The contact point is in the middle of the overlap,
@@ -26,7 +26,6 @@ from consilience.mechanism import (
     Mechanism,
     Regularisation,
     State,
-    cross,
     kept_in_units,
     motion_units,
     rotation_from_quaternion,
@@ -98,7 +97,7 @@ class _Regularised:
         self._equations.follow(y, self._turns)
         sides = [(part.body, part.partner) for part in layout.parts]
         self._sides = [tuple(mechanism.body_index[name] for name in pair) for pair in sides]
-        self._com = [body.com for body in mechanism.bodies]
+        self._bodies = len(mechanism.bodies)
         self._evaluations = 0
 
     def derivative(self, t: float, u: Array) -> Array:
@@ -107,7 +106,7 @@ class _Regularised:
         if self._evaluations > MOST_EVALUATIONS:
             raise NumericalFailure(f"regularised contacts chatter, t = {t:.12g} s")
         u = np.ascontiguousarray(u)
-        rates, bodies = self._equations.rates(t, u, self._turns), len(self._com)
+        rates, bodies = self._equations.rates(t, u, self._turns), self._bodies
         pushed = self._pushed(t, u[: self.count].reshape(self.shape))
         if pushed is not None:
             rates[: 13 * bodies].reshape(bodies, 13)[:, 7:13] += pushed.reshape(bodies, 6)
@@ -130,35 +129,31 @@ class _Regularised:
         low = np.flatnonzero(gap < 0.0)
         if not len(low):
             return None
-        response, bodies = equations.respond(t, y, self._turns), y[: len(self._com)]
+        response, bodies = equations.respond(t, y, self._turns), y[: self._bodies]
         A = rotation_from_quaternion(bodies[:, 3:7])
-        J, convective, aims, soft = (
+        J, aims, soft = (
             np.concatenate(parts) for parts in zip(*(self._edges(int(k), A, bodies) for k in low), strict=True)
         )
         load = equations.inverse @ J.T
         K = equations.held_by_joints(load)
-        free = load.T @ response.z + convective
-        f = _pushes(K.T @ K + np.diag(soft), aims - free)
+        f = _pushes(K.T @ K + np.diag(soft), aims - load.T @ response.z)
         return np.asarray(equations.inverse.T @ (K @ f))
 
-    def _edges(self, k: int, A: Array, bodies: Array) -> tuple[Array, Array, Array, Array]:
-        """Return the rows J of a contact that overlaps, their convective part, a_ref, and the diagonal of R."""
+    def _edges(self, k: int, A: Array, bodies: Array) -> tuple[Array, Array, Array]:
+        """Return the rows J of a contact that overlaps, a_ref, and the diagonal of R."""
         law, mu, rows = self._laws[k], self._parts[k].friction, self._equations.rows
         frame, J, overlap = rows.frame[k], rows.J[3 * k : 3 * k + 3].copy(), -float(rows.gap[k])
         lever = np.cross(0.5 * overlap * frame[0], frame)  # from the surface of the body to the middle of the overlap
-        spins = np.zeros(3)
         for sign, b in zip((1.0, -1.0), self._sides[k], strict=True):
             if b >= 0:
                 J[:, 6 * b + 3 : 6 * b + 6] += sign * lever @ A[b]
-                w = A[b] @ bodies[b, 10:13]
-                spins -= sign * cross(w, cross(w, A[b] @ self._com[b]))
         along, soft = np.array([[1.0, 0.0, 0.0]]), 1.0
         if mu > 0.0:
             along = np.array([[1.0, s * mu * a, s * mu * (1.0 - a)] for a in (1.0, 0.0) for s in (1.0, -1.0)])
             soft = 2.0 * mu**2 * (1.0 + mu**2)
         d, J = law.impedance(overlap), along @ J
         aims = law.pull * d * overlap - law.decay * (J @ bodies[:, 7:13].ravel())
-        return J, along @ (frame @ spins), aims, np.full(len(along), soft * (1.0 - d) / d * law.inverse_mass)
+        return J, aims, np.full(len(along), soft * (1.0 - d) / d * law.inverse_mass)
 
 
 def _check(mechanism: Mechanism) -> None:
