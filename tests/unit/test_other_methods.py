@@ -72,8 +72,13 @@ def inexact(route=Route.NATIVE, **method):
         (inexact(**DEFAULTS), 0.0),
         (inexact(Route.EXTRAPOLATED), 0.0),
         (instant(Route.NATIVE, 5e-8, 1e-9), 0.0),
+        (instant(Route.NATIVE, 5e-8, 1e-7), 5e-8),
+        (instant(Route.NATIVE, 9e-12, 1e-7), 0.0),
     ],
-    ids=["its solver", "of another engine", "at the defaults", "its extrapolation", "its model"],
+    ids=[
+        *("its solver", "of another engine", "at the defaults", "its extrapolation", "its model"),
+        *("its solver within the bar", "its solver, no worse than rounding"),
+    ],
 )
 def test_what_a_solver_loses_is_that_of_the_engine_with_the_same_settings(before, lost):
     assert lost_by_solver([before, TERMS], "e", Profile.MATCHED) == lost
@@ -81,8 +86,14 @@ def test_what_a_solver_loses_is_that_of_the_engine_with_the_same_settings(before
 
 @pytest.mark.parametrize(
     ("before", "rule"),
-    [([inexact()], "inexact solver"), ([inexact(**DEFAULTS)], "elsewhere"), ([], "elsewhere")],
-    ids=["its solver", "at the defaults", "nothing"],
+    [
+        ([inexact()], "inexact solver"),
+        ([instant(Route.NATIVE, 5e-8, 1e-7), TERMS], "inexact solver"),
+        ([instant(Route.NATIVE, 5e-8, 1e-7), instant(Route.HARNESS_SOLVE, 2e-8, 1e-7)], "elsewhere"),
+        ([inexact(**DEFAULTS)], "elsewhere"),
+        ([], "elsewhere"),
+    ],
+    ids=["its solver", "its solver within the bar", "its terms as well", "at the defaults", "nothing"],
 )
 def test_a_motion_that_keeps_what_the_solver_loses_blames_no_model(before, rule):
     """A plateau of 1e-7 beside errors of order four, where a solver loses 5e-8 at instants."""

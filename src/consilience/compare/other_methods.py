@@ -62,6 +62,9 @@ def _settled(one: Comparison, others: Sequence[Comparison]) -> Comparison:
 def lost_by_solver(settled: Sequence[Comparison], engine: str, profile: Profile) -> float:
     """Return the largest difference of accelerations that an engine's solver loses at the states; zero if none.
 
+    Within a bar that grows with the condition of the equations a solver loses what is beyond the bar of
+    well-conditioned ones, where the engine's own terms have a digit more.
+
     Parameters
     ----------
     settled : sequence of Comparison
@@ -70,9 +73,13 @@ def lost_by_solver(settled: Sequence[Comparison], engine: str, profile: Profile)
     profile : Profile
         Of the settings: what is lost with others, or in an extrapolation, tells nothing about a motion with these.
     """
-    own = [c for c in settled if (c.engine, c.profile, c.rule) == (engine, profile, SOLVER_RULE)]
-    lost = [q.difference for c in own if c.route is not Route.EXTRAPOLATED for q in _accelerations(c)]
-    return max(lost, default=0.0)
+    right = [c for c in settled if c.engine == engine and c.verdict is Verdict.AGREES]
+    terms = [q.difference for c in right if c.route is Route.HARNESS_SOLVE for q in _accelerations(c)]
+    least = max(WORSE * min(terms, default=float("inf")), Bars().acceleration)
+    own = [c for c in settled if (c.engine, c.profile) == (engine, profile) and c.route is not Route.EXTRAPOLATED]
+    missed = [q.difference for c in own if c.rule == SOLVER_RULE for q in _accelerations(c)]
+    within = [q.difference for c in own if c in right for q in _accelerations(c) if q.difference > least]
+    return max([*missed, *within], default=0.0)
 
 
 def _by_the_solver(one: Comparison) -> bool:
