@@ -74,10 +74,11 @@ def inexact(route=Route.NATIVE, **method):
         (instant(Route.NATIVE, 5e-8, 1e-9), 0.0),
         (instant(Route.NATIVE, 5e-8, 1e-7), 5e-8),
         (instant(Route.NATIVE, 9e-12, 1e-7), 0.0),
+        (instant(Route.HARNESS_SOLVE, 5e-8, 1e-7), 0.0),
     ],
     ids=[
         *("its solver", "of another engine", "at the defaults", "its extrapolation", "its model"),
-        *("its solver within the bar", "its solver, no worse than rounding"),
+        *("its solver within the bar", "its solver, no worse than rounding", "other terms"),
     ],
 )
 def test_what_a_solver_loses_is_that_of_the_engine_with_the_same_settings(before, lost):

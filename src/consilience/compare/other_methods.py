@@ -78,7 +78,8 @@ def lost_by_solver(settled: Sequence[Comparison], engine: str, profile: Profile)
     least = max(WORSE * min(terms, default=float("inf")), Bars().acceleration)
     own = [c for c in settled if (c.engine, c.profile) == (engine, profile) and c.route is not Route.EXTRAPOLATED]
     missed = [q.difference for c in own if c.rule == SOLVER_RULE for q in _accelerations(c)]
-    within = [q.difference for c in own if c in right for q in _accelerations(c) if q.difference > least]
+    agreeing = [c for c in own if c.verdict is Verdict.AGREES and c.route is not Route.HARNESS_SOLVE]
+    within = [q.difference for c in agreeing for q in _accelerations(c) if q.difference > least]
     return max([*missed, *within], default=0.0)
 
 

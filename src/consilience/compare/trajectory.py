@@ -57,7 +57,8 @@ def reference_spread(mechanism: Mechanism, answers: Sequence[TrajectoryAnswer]) 
 class _Ladder:
     """Orders of the levels against the reference and among themselves; band of the finest level; Richardson limit.
 
-    `change` is the largest of the last two differences of consecutive levels, infinite with fewer than three levels.
+    `change` is the largest of the last two differences of consecutive levels, infinite with fewer than three levels;
+    `settled_limit` the difference of the limit along which levels draw together.
     """
 
     order: float | None = None
