@@ -209,6 +209,13 @@ SITUATIONS = (
     ),
     Situation("two levels, order against the reference", lambda h, s: 5.0 * h**2, D, "steps", steps=(0.02, 0.01)),
     Situation("order 1 at the defaults", lambda h, s: 3.0 * h, D, "steps", order=1, profile=DEFAULT),
+    Situation(
+        "a plateau that the steps cancel at the finest level",
+        lambda h, s: 2e-8 * (h / 0.005) ** 2 - 2.5e-8,
+        U,
+        "agreement by chance",
+    ),
+    Situation("a plateau of what is allowed", lambda h, s: 1e-8 * (h / 0.005) ** 2 - 1.2e-8, A, "agreement"),
     # ---------------------------------------------------------------- contact
     Situation("impacts at random phases", phase(0.2), D, "impacts within steps", order=1, event="impact"),
     Situation("impacts, order by chance", lambda h, s: 0.3 * h, D, "impacts within steps", order=1, event="impact"),

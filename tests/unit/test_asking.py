@@ -93,6 +93,11 @@ def test_a_limit_just_beyond_the_band_is_asked_until_the_band_is_clear_of_it():
     assert asked(lambda h, s: plateau + 0.1 * (h / SAMPLE) ** 2)[0] == [*THREE, 80]
 
 
+def test_levels_whose_finest_agrees_by_chance_are_asked_until_the_plateau_shows():
+    """Errors of the steps of 1.8e-8 and a plateau of 2.5e-8 leave 0.7e-8 at 40 substeps; asked is 1e-8."""
+    assert asked(lambda h, s: 1.8e-8 * (40 * h / SAMPLE) ** 2 - 2.5e-8)[0] == [*THREE, 80]
+
+
 @pytest.mark.parametrize(
     ("motion", "friction", "other"),
     [

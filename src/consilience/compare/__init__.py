@@ -6,9 +6,10 @@ The modules `judge` and `judges` import the cases, which these functions do not 
 from consilience.compare.campaigns import CODES, exit_code, grouped, markdown_table, write_campaign
 from consilience.compare.instant import compare_instant, compare_model, relative_difference
 from consilience.compare.power import Power
+from consilience.compare.prospect import Prospect
 from consilience.compare.reference_motion import ReferenceMotion
 from consilience.compare.result import Comparison, Level, Quantity, Verdict, compare_by_bars
-from consilience.compare.trajectory import Prospect, compare_trajectory, reference_spread, spread_over_time
+from consilience.compare.trajectory import compare_trajectory, reference_spread, spread_over_time
 
 __all__ = [
     "CODES",

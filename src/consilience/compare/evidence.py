@@ -32,6 +32,10 @@ LOST = 10.0
 CANCELLED = 4.0
 """Largest difference of the steps, over what is allowed, that twice or three times what passes may cancel."""
 
+CHANCE = 1.5
+"""Least difference of the limit, over what is allowed, of levels whose finest agrees by chance: the difference of the
+steps cancels that of a model."""
+
 OTHER_LAW = 0.05
 """Largest difference to the motion under another law of contact, over that to the motion under the case's law, that
 leaves no doubt which law was solved."""
@@ -198,6 +202,12 @@ class Evidence:
         """Whether levels without a clear order differ less from one another than by a third from the reference."""
         least = max(CAUTIOUS * self.spread + self.allowed, ROUNDING)
         return not self.asymptotic and min(self.finest, self.settled) > least
+
+    @property
+    def by_chance(self) -> bool:
+        """Whether the finest level agrees while levels that converge lead to a motion that does not."""
+        agrees = self.finest <= self.allowed and self.asymptotic and self.saturation <= LINEAR
+        return agrees and not self.impacts and not self.jumps and CHANCE * self.allowed < self.remains < math.inf
 
     @property
     def clean(self) -> bool:

@@ -10,12 +10,12 @@ measured, and means that the error would pass.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from consilience.compare.horizon import LINEAR
-from consilience.compare.motion import difference_over_time, size_of_motion
+from consilience.compare.motion import difference_over_time, extrapolated, size_of_motion
 from consilience.compare.uncertainty import ROUNDING
 from consilience.engine import Question, Run, Status, TrajectoryAnswer
 from consilience.mechanism import Array, Mechanism
@@ -81,16 +81,29 @@ class MotionSensitivity:
         As in `Power`.
     effect : ndarray, shape (n_t,)
         Largest difference of the motions up to each sample, over the size of the error.
+    pair : tuple of two TrajectoryAnswer, or None
+        The motions without and with the error.
+    error : float
+        Its size.
     """
 
     kind: str
     of: str
     effect: Array
+    pair: tuple[TrajectoryAnswer, TrajectoryAnswer] | None = None
+    error: float = 0.0
 
     def power(self, passes: float, judged: int) -> Power:
         """Return the smallest error that changes the motion by more than `passes` in the judged samples."""
         effect = float(self.effect[judged - 1]) if judged else 0.0
         return Power(self.kind, self.of, passes / effect if effect > 0.0 else np.inf)
+
+    def without(self, motion: TrajectoryAnswer, error: float) -> TrajectoryAnswer:
+        """Return a motion less the change that an error of the parameter makes, by linearity."""
+        assert self.pair is not None
+        changed = extrapolated(*self.pair, -error / self.error, motion)
+        poses = {name: getattr(changed, name) for name in ("p_WB", "quat_WB", "v_WB_W", "w_WB_W")}
+        return replace(motion, **poses)
 
 
 def largest_difference(mechanism: Mechanism, a: TrajectoryAnswer, b: TrajectoryAnswer) -> float:
@@ -117,5 +130,6 @@ def sensitivities(mechanism: Mechanism, runs: Sequence[Run]) -> tuple[MotionSens
         change = np.maximum.accumulate(difference_over_time(run.answer, undisturbed, size))
         noise = max(ROUNDING, *(NOISE * largest_difference(mechanism, a, undisturbed) for a in levels.values()))
         if change[-1] > noise:
-            found.append(MotionSensitivity(error.kind, error.of, np.where(change > ROUNDING, change, 0.0) / error.size))
+            effect = np.where(change > ROUNDING, change, 0.0) / error.size
+            found.append(MotionSensitivity(error.kind, error.of, effect, (undisturbed, run.answer), error.size))
     return tuple(found)

@@ -21,8 +21,8 @@ than the motion has this ratio."""
 JUMP = 1e9
 """Angle in rad by which the direction of a spring turns in a step from which on it jumps."""
 
-NO_POWER, ELSEWHERE = "no power", "elsewhere"
-"""Name of the rule for comparisons that would have passed a gross error."""
+NO_POWER, BY_CHANCE, ELSEWHERE = "no power", "agreement by chance", "elsewhere"
+"""Names of rules: a gross error would pass; errors of the steps and of the model cancel; another motion."""
 
 POWERLESS = f"an error of {100 * LARGEST:.0f} % in something that acts at the digits asked would pass"
 
@@ -155,6 +155,13 @@ RULES: tuple[Rule, ...] = (
         lambda e: (
             f"an error of {100 * LARGEST:.0f} % in {e.unseen} would pass: differences up to {e.passes:.2g} do{e.until}"
         ),
+    ),
+    Rule(
+        BY_CHANCE,
+        Verdict.UNRESOLVED,
+        "the finest level agrees, but the levels converge to a motion that is off by half more than is allowed",
+        lambda e: e.by_chance,
+        lambda e: f"the finest level differs by {e.finest:.2g}, asked {e.asked:.0e}, but {e.limit_text}{e.cut}",
     ),
     Rule(
         "agreement",

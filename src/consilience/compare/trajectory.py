@@ -1,44 +1,23 @@
-"""Comparison of motions: differences to the reference over time, uncertainty of the levels, verdict and cause.
+"""Comparison of motions: verdict on the levels of a method, cause and power.
 
-Differences are in `motion`, the uncertainty of the levels in `uncertainty`, the horizon in `horizon`, the rules in
-`rules`.
-
-Whether the levels are asymptotic follows from the order among themselves, or from the order against the reference with
-two levels only or below rounding. Levels that converge to another motion have no clear order against the reference, and
-must not be taken for too coarse steps.
+The levels are in `levels`, the rules in `rules`, the power of ladders that ended early in `stopped_early`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
-from consilience.compare import softness, uncertainty
-from consilience.compare.evidence import Evidence
-from consilience.compare.motion import (
-    OBSERVABLES,
-    Scales,
-    difference_over_time,
-    energy_over_time,
-    extrapolated,
-    kept_samples,
-    largest_residual,
-    sampled_motion,
-    saturation,
-    size_of_motion,
-)
-from consilience.compare.reference_motion import ReferenceMotion, up_to_shortest
-from consilience.compare.result import Comparison, Level, Verdict, digits_of
-from consilience.compare.rules import ELSEWHERE, NO_POWER, decide
+from consilience.compare import uncertainty
+from consilience.compare.levels import Levels
+from consilience.compare.motion import difference_over_time, kept_samples, size_of_motion
+from consilience.compare.reference_motion import ReferenceMotion
+from consilience.compare.result import Comparison, digits_of
+from consilience.compare.rules import decide
+from consilience.compare.stopped_early import powers
 from consilience.engine import Question, Run, TrajectoryAnswer
-from consilience.mechanism import Array, Mechanism, turning_rate
-
-RESIDUAL_SAMPLES = 21
-RATE_SAMPLES = 3
+from consilience.mechanism import Array, Mechanism
 
 
 def spread_over_time(mechanism: Mechanism, answers: Sequence[TrajectoryAnswer]) -> Array:
@@ -51,248 +30,6 @@ def spread_over_time(mechanism: Mechanism, answers: Sequence[TrajectoryAnswer]) 
 def reference_spread(mechanism: Mechanism, answers: Sequence[TrajectoryAnswer]) -> float:
     """Return the largest difference of the other motions to the first."""
     return float(spread_over_time(mechanism, answers)[-1])
-
-
-@dataclass(frozen=True)
-class _Ladder:
-    """Orders of the levels against the reference and among themselves; band of the finest level; Richardson limit.
-
-    `change` is the largest of the last two differences of consecutive levels, infinite with fewer than three levels;
-    `settled_limit` the difference of the limit along which levels draw together.
-    """
-
-    order: float | None = None
-    self_order: float | None = None
-    band: float | None = None
-    limit: float | None = None
-    remains: float = np.inf
-    saturation: float = 0.0
-    change: float = np.inf
-    spread: float = np.inf
-    envelope: float | None = None
-    settled_limit: float = np.inf
-    declared: int | None = None
-
-    @property
-    def settled(self) -> float | None:
-        """Order that decides whether the levels are asymptotic: preferably the order among themselves."""
-        return self.order if self.self_order is None else self.self_order
-
-    @property
-    def asymptotic(self) -> bool:
-        return self.declared is not None and uncertainty.settled(self.settled, self.declared)
-
-
-class _Levels:
-    """Answered runs of one method, coarse to fine, compared with a reference motion."""
-
-    def __init__(
-        self, mechanism: Mechanism, runs: Sequence[Run], reference_motion: ReferenceMotion, softer: Sequence[Run] = ()
-    ) -> None:
-        self.mechanism, self.runs, self.softer = mechanism, runs, softer
-        self.duration = float(np.ptp(reference_motion.answer.time))
-        answers = up_to_shortest([run.answer for run in (*runs, *softer)])
-        self.reference_motion = reference_motion.up_to(len(answers[0].time))
-        self.answers, self.soft_answers = answers[: len(runs)], answers[len(runs) :]
-        self.steps = [run.step for run in runs]
-        self.reference, self.judged = self.reference_motion.answer, self.reference_motion.judged
-        self.scales = Scales.of(mechanism, self.reference)
-        self.errors = [difference_over_time(a, self.reference, self.scales.size) for a in self.answers]
-        self.ladder = self._ladder()
-
-    def _ladder(self) -> _Ladder:
-        """Return orders, band and limit up to the horizon; all None without two levels of a declared order."""
-        method, judged = self.runs[0].method, slice(self.judged)
-        assert method is not None
-        declared = uncertainty.declared_order(method)
-        if declared is None or len(self.answers) < 2 or self.judged < 1:
-            return _Ladder()
-        ratio, size = uncertainty.ratio_of(self.steps), self.scales.size
-        changes = [difference_over_time(a, b, size)[judged] for a, b in pairwise(self.answers)]
-        largest = [float(np.max(change)) for change in changes]
-        limit = self._limit(declared)
-        chain = self.answers[-3:] if len(self.answers) > 2 else [*self.answers, self.reference]
-        found = _Ladder(
-            order=uncertainty.finest_order([uncertainty.rms(e[judged]) for e in self.errors], ratio),
-            self_order=uncertainty.finest_order([uncertainty.rms(c) for c in changes], ratio),
-            limit=self._off(limit),
-            settled_limit=uncertainty.off_where_closing(self.answers, limit, self.reference, size, judged, ratio),
-            saturation=max(saturation(a, b, size, judged) for a, b in pairwise(chain)),
-            change=max(largest[-2:]) if len(largest) > 1 else np.inf,
-            spread=_spread(largest),
-            envelope=uncertainty.envelope(largest, self.steps, 10.0**-self.reference_motion.digits),
-            declared=declared,
-        )
-        band = uncertainty.band(largest[-1], found.settled, declared, ratio, 0.0)
-        orders = [declared] if found.settled is None or not found.asymptotic else [declared, found.settled]
-        return replace(found, band=band, remains=min(self._off(self._limit(order)) for order in orders))
-
-    def _limit(self, order: float) -> TrajectoryAnswer:
-        """Return the Richardson limit of the two finest levels at an order."""
-        return uncertainty.richardson(self.answers[-2], self.answers[-1], order, uncertainty.ratio_of(self.steps))
-
-    def _off(self, motion: TrajectoryAnswer) -> float:
-        """Return the largest difference of a motion to the reference up to the horizon."""
-        return float(np.max(difference_over_time(motion, self.reference, self.scales.size)[: self.judged]))
-
-    @property
-    def _native_step(self) -> float:
-        """Step of the finest level; zero for tolerances."""
-        method = self.runs[-1].method
-        return (self.steps[-1] or 0.0) if method is not None and method.substeps else 0.0
-
-    def evidence(self, earlier: str = "", lost: float = 0.0) -> Evidence:
-        """Return the numbers by which the levels are judged."""
-        last, time, ladder = max(self.judged - 1, 0), self.reference.time, self.ladder
-        soft, hard_limit, method = *self._dependence(), self.runs[-1].method
-        found = Evidence(
-            asked=10.0**-self.reference_motion.digits,
-            judged=float(time[last] - time[0]),
-            duration=self.duration,
-            reference=float(self.reference_motion.spread[last]),
-            dispute=self.reference_motion.dispute,
-            singular=self.reference_motion.singular is not None,
-            finest=float(np.max(self.errors[-1][: self.judged], initial=0.0)),
-            limit=ladder.limit,
-            band=ladder.band,
-            order=ladder.settled,
-            declared=ladder.declared,
-            asymptotic=ladder.asymptotic,
-            softness=soft,
-            earlier=earlier,
-            lost=lost,
-            effects={s.of: float(s.effect[last]) for s in self.reference_motion.sensitivities},
-            velocities=self._velocities(),
-            remains=ladder.remains,
-            saturation=ladder.saturation,
-            spread=ladder.spread,
-            hard_limit=hard_limit,
-            cut=self._cut(),
-            impacts=bool(np.any(self.reference_motion.impacts <= time[last])),
-            together=self.reference_motion.joint_impact,
-            phase=self._phase(float(time[last])),
-            jumps=self._jumps(float(time[last])),
-            untried=method is not None and method.softness is not None and not self.softer,
-            envelope=ladder.envelope,
-            settled=ladder.settled_limit,
-            touching=bool(self.mechanism.contacts),
-            off_soft=self._off_soft(),
-            **self._other_law(),
-        )
-        return found if found.finest <= found.allowed or found.converges_here else self._with_rates(found)
-
-    def _with_rates(self, found: Evidence) -> Evidence:
-        """Add the rates that the finest step has to resolve; zero for tolerances."""
-        if not (step := self._native_step) or self.judged < 1:
-            return found
-        answer, mechanism = self.reference, self.mechanism
-        rate = max(self.reference_motion.fastest_rate(mechanism, n) for n in kept_samples(self.judged, RATE_SAMPLES))
-        turning = turning_rate(mechanism, sampled_motion(answer), answer.time)
-        return replace(found, step=step, rate=rate, turning=turning)
-
-    def _cut(self) -> str:
-        """Say why the ladder ended before its last level, and which step it would need."""
-        run, step = self.runs[-1], self.steps[-1]
-        if run.method is None or uncertainty.declared_order(run.method) is None:
-            return ""
-        if not step or len(self.runs) >= uncertainty.MOST_LEVELS or uncertainty.affordable(run.cpu):
-            return ""
-        return f"; the next level, at {step / 2.0:.2g} s, would take {2.0 * run.cpu:.1f} s of CPU time"
-
-    def _velocities(self) -> float:
-        """Return the difference of the velocities of the finest level, or of the limit at order one if smaller."""
-        candidates, steps = [self.answers[-1]], self.steps[-2:]
-        if len(steps) == 2 and steps[0] and steps[1] and steps[0] > steps[1]:
-            candidates.append(extrapolated(self.answers[-2], self.answers[-1], steps[1] / (steps[0] - steps[1])))
-
-        near = 2.0 * (self.steps[-1] or 0.0)  # a velocity jumps at an impact, which a level has a step earlier or later
-        times = self.reference.time[: self.judged, None]
-        smooth = np.all(np.abs(times - self.reference_motion.impacts) > near, axis=1)
-
-        def largest(motion: TrajectoryAnswer) -> float:
-            found = [OBSERVABLES[n](motion, self.reference, self.scales) for n in ("velocity", "angular velocity")]
-            return max(float(np.max(difference[: self.judged][smooth], initial=0.0)) for difference in found)
-
-        return min(map(largest, candidates))
-
-    def _phase(self, end: float) -> float:
-        """Return the largest displacement by impacts up to a time that come up to a step early or late."""
-        if not (step := self._native_step):
-            return 0.0
-        rate = max(self.scales.speed / self.scales.size, self.scales.spin)
-        return 2.0 * rate * step * float(np.sum(self.reference_motion.impacts <= end))
-
-    def _jumps(self, end: float) -> float:
-        """Return the largest displacement by jumps of the acceleration up to a time that come a step early or late.
-
-        A contact that opens, or a slip that reverses, leaves the speed that its last step had: the displacement grows.
-        """
-        changes = np.sum(self.reference_motion.mode_changes <= end)
-        if not (step := self._native_step) or not changes:
-            return 0.0
-        over = np.diff(self.reference.time)[:, None, None]
-        speeds, spins = (np.diff(v, axis=0) / over for v in (self.reference.v_WB_W, self.reference.w_WB_W))
-        rate = max(
-            float(np.max(np.abs(speeds), initial=0.0)) / self.scales.size, float(np.max(np.abs(spins), initial=0.0))
-        )
-        return 2.0 * rate * step * (step * float(changes) + self.reference_motion.since_departures(end))
-
-    def _other_law(self) -> dict[str, Any]:
-        """Return the law of contact that the method solves, and the difference of the finest level to its motion."""
-        other = self.reference_motion.other_law
-        if other is None:
-            return {}
-        off = difference_over_time(self.answers[-1], other.answer, self.scales.size)[: self.judged]
-        return {"law": other.name, "law_cause": other.cause, "off_law": float(np.max(off, initial=0.0))}
-
-    def _off_soft(self) -> float:
-        """Return the difference of the finest level, or of the limit of the steps, to the motion with soft contacts."""
-        soft, declared = self.reference_motion.soft, self.ladder.declared
-        if soft is None:
-            return np.inf
-        motions = [self.answers[-1], *([] if declared is None else [self._limit(declared)])]
-        off = [difference_over_time(motion, soft, self.scales.size)[: self.judged] for motion in motions]
-        return min(float(np.max(one, initial=0.0)) for one in off)
-
-    def _dependence(self) -> tuple[softness.Softness | None, float]:
-        """Return the dependence on softness, and the difference of the limit without softness and steps.
-
-        None and infinity without runs of the finest level at other softness; infinity without asymptotic levels.
-        """
-        answers = [self.answers[-1], *self.soft_answers]
-        if len(answers) < 3 or self.judged < 2:
-            return None, np.inf
-        found = [run.method.softness or 1.0 for run in self.softer if run.method is not None]
-        soft, limit = softness.of_motions(answers, found, self.reference, self.scales, slice(self.judged))
-        declared = self.ladder.declared
-        if declared is None or not self.ladder.asymptotic:
-            return soft, np.inf
-        weight = 1.0 / (uncertainty.ratio_of(self.steps) ** declared - 1.0)
-        return soft, self._off(extrapolated(self.answers[-2], self.answers[-1], weight, limit))
-
-    def shown(self, samples: Sequence[int]) -> tuple[Level, ...]:
-        """Return the levels as the record shows them, with differences and energies at some samples."""
-        few, judged = kept_samples(len(self.reference.time), RESIDUAL_SAMPLES), slice(max(self.judged, 1))
-        return tuple(
-            Level(
-                step=run.step or 0.0,
-                cpu=run.cpu,
-                largest=float(np.max(error[judged])),
-                rms=uncertainty.rms(error[judged]),
-                difference=tuple(float(x) for x in error[samples]),
-                energy=tuple(float(x) for x in energy_over_time(self.mechanism, run.answer, samples)),
-                residual=largest_residual(self.mechanism, run.answer, few),
-                counters=run.answer.counters,
-            )
-            for run, error in zip(self.runs, self.errors, strict=True)
-        )
-
-
-def _spread(changes: Sequence[float]) -> float:
-    """Return the largest of the last two changes after a third, or of changes that are rounding; infinity otherwise."""
-    if max(changes) <= uncertainty.ROUNDING:
-        return max(changes)
-    return max(changes[-2:]) if len(changes) > 2 else np.inf
 
 
 @uncertainty.BLOWN_UP
@@ -318,7 +55,7 @@ def compare_trajectory(
     lost : float
         See `evidence.Evidence`.
     """
-    levels, method = _Levels(mechanism, runs, reference_motion, softer), runs[0].method
+    levels, method = Levels(mechanism, runs, reference_motion, softer), runs[0].method
     assert method is not None
     ladder, reference, growth = levels.ladder, levels.reference, levels.reference_motion.growth
     evidence = levels.evidence(earlier, lost)
@@ -347,52 +84,5 @@ def compare_trajectory(
         times=tuple(float(t) for t in reference.time[samples]),
         growth=() if growth is None else tuple(float(g) for g in growth[samples]),
         levels=levels.shown(samples),
-        power=tuple(s.power(evidence.passes, levels.judged) for s in reference_motion.sensitivities),
+        power=powers(mechanism, runs, reference_motion, evidence.passes, rule.verdict),
     )
-
-
-_OPEN = frozenset({"wide band", "impacts unclear", "not asymptotic"})
-"""Rules by which levels differ too much, or are too few, for any cause: a finer level may tell."""
-
-
-@dataclass(frozen=True)
-class Prospect:
-    """Effect of further levels of a method on its verdict.
-
-    Attributes
-    ----------
-    decided : bool
-        Neither finer levels nor other softness would change the verdict.
-    finer : bool
-        A finer level is expected to agree, to tell steps from model, or to have power.
-    rate : float, 1/s
-        Rate that no level resolves; zero if the finest level resolves all.
-    steady : bool
-        Whether the last levels differ by less than `softness.EXPLAINED` of what the finest differs from the reference.
-        Errors of order 1/2 in the step, the least that is believed, differ by 0.41 of it: another cause makes most of
-        the difference.
-    """
-
-    decided: bool
-    finer: bool
-    rate: float = 0.0
-    steady: bool = False
-
-    @classmethod
-    @uncertainty.BLOWN_UP
-    def of(
-        cls, mechanism: Mechanism, runs: Sequence[Run], reference_motion: ReferenceMotion, softer: Sequence[Run] = ()
-    ) -> Prospect:
-        """Return the prospect of answered levels, and of runs of the finest at other softness if there are any."""
-        levels = _Levels(mechanism, runs, reference_motion, softer)
-        evidence = levels.evidence()
-        rule, _ = decide(evidence)
-        chance = not evidence.clean and len(levels.steps) <= uncertainty.LEAST_LEVELS  # three have an order by chance
-        if rule.name == NO_POWER or (rule.name == ELSEWHERE and (chance or evidence.just_beyond)):
-            return cls(False, True)  # a finer level has a narrower band
-        if rule.verdict is not Verdict.DISCRETISATION:
-            steady = levels.ladder.change <= softness.EXPLAINED * evidence.finest
-            return cls(rule.final, rule.name in _OPEN, evidence.unresolved_rate, steady)
-        assert evidence.declared is not None
-        near = evidence.finest / uncertainty.ratio_of(levels.steps) ** evidence.declared <= evidence.allowed
-        return cls(not near, near)

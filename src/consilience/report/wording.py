@@ -180,6 +180,7 @@ CAUSES: dict[str, str] = {
     "singular pose": "At a singular pose the constraints do not determine the motion.",
     "velocities": "The poses agree and the velocities do not: they mean something else.",
     "no power": "A wrong model would have passed as well.",
+    "agreement by chance": "The error of the steps cancels another one at this step, and will not at smaller ones.",
     "agreement": "As accurate as asked.",
     "steps": "The steps are too large for the digits asked; smaller ones lead to the reference.",
     "impacts within steps": "Impacts fall at any phase of a step; smaller steps lead closer to the reference.",

@@ -14,7 +14,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from consilience.case import Case
-from consilience.compare import Prospect, ReferenceMotion
+from consilience.compare import Prospect, ReferenceMotion, Verdict
 from consilience.compare.horizon import PERTURBATION
 from consilience.compare.judge import DISPLACED_START, FAULTS_OF_A_CASE, REFERENCE, STABLE, stable_levels, unstable
 from consilience.compare.power import MEASURED
@@ -234,7 +234,7 @@ class EngineCase:
     def _prospect(self, runs: Sequence[Run], softer: Sequence[Run] = ()) -> Prospect:
         """Return the effect of more levels; without a reference motion the verdict counts as open."""
         if self.reference_motion is None or not runs[0].question.over_time:
-            return Prospect(decided=False, finer=False)
+            return Prospect(Verdict.UNRESOLVED, decided=False, finer=False)
         tried = [run for run in softer if run.step == runs[-1].step and run.answer is not None]
         return Prospect.of(self.case.mechanism, runs, self.reference_motion, tried)
 
