@@ -222,7 +222,7 @@ def _by(solver: tuple[str, str, int], stepping: Stepper, c: Coordinates, state: 
     """
     touching = stepping.touching
     assert touching is not None
-    touching.solve_by(*solver, FINE)
+    touching.solve_by((*solver, FINE))
     stepping.restart(c, 0.0, STEP)
     slowest, resting = _slips(stepping.model, touching, state)
     stepping.step(1)

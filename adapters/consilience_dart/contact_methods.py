@@ -10,7 +10,7 @@ import numpy as np
 from consilience.engine import Method, Profile, Question, Route, Unsupported
 from consilience.mechanism import GROUND, Array, Cone, ContactLaw, Mechanism
 from consilience_dart.contact_instant import FINE, SOLVERS, STEP
-from consilience_dart.contacts import TOLERANCE
+from consilience_dart.contacts import FRICTION
 from consilience_dart.stepping import ERROR_REDUCTION_TRAJECTORY
 from consilience_dart.translation import unstepped
 
@@ -38,7 +38,7 @@ REASONS = {
     "dry friction of a reaction": "DART's Coulomb friction of joints has a constant bound",
 }
 
-CONES = "World.step with FbfFrictionSolver"
+CONES = "World.step with NsgsFrictionSolver"
 EXTRAPOLATED = f"{CONES}, extrapolated"
 BOX = "World.step, defaults"
 INSTANT = "World.step, second step, to zero step"
@@ -49,8 +49,9 @@ _IMPACT = (
 )
 _SETTINGS: dict[str, Any] = {
     "DeactivationOptions.enabled": False,
-    "BoxedLcpSolver": "FbfFrictionSolver",
-    "FbfFrictionSolver.tolerance": TOLERANCE,
+    "BoxedLcpSolver": "; else ".join(
+        f"{name}, {bound} {most}, tolerance {least:g}" for name, bound, most, least in FRICTION
+    ),
     "splitImpulse": True,
 }
 _Z, _AXES = np.array([0.0, 0.0, 1.0]), np.eye(3)

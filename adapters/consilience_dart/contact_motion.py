@@ -28,7 +28,6 @@ def move(stepping: Stepper, times: Array, substeps: int) -> TrajectoryAnswer:
     assert touching is not None
     stepping.world.setTimeStep((times[1] - times[0]) / substeps)
     stepping.time, stepping.reduction = float(times[0]), ERROR_REDUCTION_TRAJECTORY
-    stepping.repeats = True
     samples, first = [], touching.modes
 
     def record() -> None:

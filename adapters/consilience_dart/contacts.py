@@ -11,7 +11,6 @@ point is a sphere of this radius.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from itertools import combinations
 from typing import Any
 
@@ -22,23 +21,25 @@ from consilience.mechanism import GROUND, Array, Contact, SphereSphere, State, c
 from consilience_dart.state import read
 from consilience_dart.translation import Model, set_inertia
 
-INSIDE = 1e-10
+INSIDE = 1e-12
 
 SEPARATED, SLIDING, STICKING = range(3)
 
 AT_REST = 1e-6
 """Slip in m/s below which a contact sticks: DART's force mixing of 1e-5 lets it creep."""
 
-TOLERANCE = 1e-9
-"""Of `FbfFrictionSolver` in motions; its default is 1e-6. By 1e-10 it fails where a ball rolls between two walls, whose
-forces are not determined, and is no better elsewhere."""
+FrictionSolver = tuple[str, str, int, float]
+"""Class in `dartpy.constraint`, its option for the largest number of iterations, that number, and the tolerance."""
 
-DEFAULT_ITERATIONS = 100
-"""Iterations of `FbfFrictionSolver` in motions, its default."""
-
-REPEATED = 20
-"""Factor on the iterations by which a step is repeated whose friction was not solved: DART's substitute has boxes in
-place of cones, by which what slides goes astray."""
+FRICTION: tuple[FrictionSolver, ...] = (
+    ("NsgsFrictionSolver", "maxSweeps", 100, 1e-11),
+    ("FbfFrictionSolver", "maxOuterIterations", 100, 1e-9),
+    ("FbfFrictionSolver", "maxOuterIterations", 2000, 1e-9),
+)
+"""Solvers of friction in motions. A step whose friction one has not solved is repeated by the next: DART's substitute
+has boxes in place of cones, by which what slides goes astray. The first has two digits more than the second, which by
+1e-10 fails where a ball rolls between two walls, whose forces are not determined; the second solves boxes that slide on
+several corners, where the first may not converge."""
 
 TOO_MANY = 0.05
 """Part of the solutions of friction that may fail: where a body with several contacts rests, and forces of friction are
@@ -126,7 +127,7 @@ class Touching:
     model : Model
     world : dartpy World
     cones : bool
-        Solve for friction on circular cones by `FbfFrictionSolver`; otherwise by DART's default, a box.
+        Solve for friction on circular cones, by `FRICTION`; otherwise by DART's default, a box.
     """
 
     def __init__(self, model: Model, world: Any, cones: bool) -> None:
@@ -144,11 +145,10 @@ class Touching:
             world.addSkeleton(ground)
         solver = world.getConstraintSolver()
         solver.setCollisionDetector(dartpy.collision.DARTCollisionDetector())
-        self._friction: Any = None
-        self._failed = self._repeated = 0  # solutions: seen, and of steps that were repeated
+        self._solvers: list[Any] = []
         self._pivoting = solver.getBoxedLcpSolver()
         if cones:
-            self.solve_by("FbfFrictionSolver", "maxOuterIterations", DEFAULT_ITERATIONS, TOLERANCE)
+            self.solve_by(*FRICTION)
             solver.setSplitImpulseEnabled(True)  # corrections of overlaps stay out of the velocities
         declared = {(body.node.getName(), partner.node.getName()) for body, partner in self._pads}
         listed = solver.getCollisionOption().collisionFilter
@@ -160,42 +160,36 @@ class Touching:
 
     def solve_by_pivoting(self) -> None:
         """Take DART's default solver, which has no rounding of iterations, but boxes in place of cones."""
-        self._friction = None
+        self._solvers = []
         self._world.getConstraintSolver().setBoxedLcpSolver(self._pivoting)
 
-    def solve_by(self, name: str, bound: str, most: int, tolerance: float) -> None:
-        """Take a solver of friction.
+    def solve_by(self, *solvers: FrictionSolver) -> None:
+        """Take a solver of friction, and others that repeat a step which those before have not solved."""
+        self._solvers, self._unsolved = [], 0
+        for name, bound, most, tolerance in solvers:
+            friction = getattr(dartpy.constraint, name)()
+            options = friction.getOptions()  # a copy
+            setattr(options, bound, most)
+            options.tolerance = tolerance
+            friction.setOptions(options)
+            self._solvers.append(friction)
+        self._failures = [0] * len(solvers)
+        self._world.getConstraintSolver().setBoxedLcpSolver(self._solvers[0])
 
-        Parameters
-        ----------
-        name, bound : str
-            Class in `dartpy.constraint`, and its option for the largest number of iterations.
-        most : int
-        tolerance : float
-        """
-        self._friction, self._bound, self._most = getattr(dartpy.constraint, name)(), bound, most
-        self._set_options(tolerance=tolerance, **{bound: most})
-        self._world.getConstraintSolver().setBoxedLcpSolver(self._friction)
-
-    def _set_options(self, **values: float) -> None:
-        options = self._friction.getOptions()  # a copy
-        for name, value in values.items():
-            setattr(options, name, value)
-        self._friction.setOptions(options)
-
-    def lost(self) -> int:
-        """Return how often friction was not solved since this was asked last."""
-        before, self._failed = self._failed, 0 if self._friction is None else int(self._friction.getStats().numFailed)
-        return self._failed - before
-
-    @contextmanager
-    def repeating(self, lost: int) -> Iterator[None]:
-        """Solve friction by `REPEATED` times the iterations within the block, a step that has lost solutions before."""
-        self._set_options(**{self._bound: REPEATED * self._most})
-        yield
-        self._set_options(**{self._bound: self._most})
-        self._repeated += lost
-        self.lost()
+    def repetitions(self) -> Iterator[None]:
+        """Take the next solver of friction, for a repetition of the step, as long as the last one has failed."""
+        n = 0
+        for n, friction in enumerate(self._solvers):
+            before, self._failures[n] = self._failures[n], int(friction.getStats().numFailed)
+            if self._failures[n] == before:
+                break
+            if n + 1 == len(self._solvers):
+                self._unsolved += self._failures[n] - before
+                break
+            self._world.getConstraintSolver().setBoxedLcpSolver(self._solvers[n + 1])
+            yield
+        if n:
+            self._world.getConstraintSolver().setBoxedLcpSolver(self._solvers[0])
 
     def restart(self) -> None:
         """Set all sums to zero."""
@@ -270,13 +264,12 @@ class Touching:
         ArithmeticError
             It is more than a few.
         """
-        if self._friction is None:
+        if not self._solvers:
             return 0
-        stats = self._friction.getStats()
-        failed = int(stats.numFailed) - self._repeated
-        if failed > max(1.0, TOO_MANY * stats.numSolves):
-            raise ArithmeticError(f"FbfFrictionSolver fails {failed} of {stats.numSolves} times")
-        return failed
+        solved = int(self._solvers[0].getStats().numSolves)
+        if self._unsolved > max(1.0, TOO_MANY * solved):
+            raise ArithmeticError(f"DART's solvers of friction fail {self._unsolved} of {solved} times")
+        return self._unsolved
 
     def gaps(self) -> Array:
         """Return the gaps in m, by the poses of DART."""

@@ -87,8 +87,6 @@ class Stepper:
         Contacts; None if the mechanism has none.
     mended : bool
         Take from small rotations what DART's truncated exponential map adds.
-    repeats : bool
-        Repeat a step whose friction was not solved, with more iterations.
     """
 
     model: Model
@@ -98,7 +96,6 @@ class Stepper:
     reduction: float = 0.0
     touching: Touching | None = None
     mended: bool = False
-    repeats: bool = False
 
     def restart(self, c: Coordinates, time: float, step: float) -> None:
         """Set state, time and step, and the integrals of controllers to zero."""
@@ -115,12 +112,11 @@ class Stepper:
         before, velocities = skeleton.getPositions(), skeleton.getVelocities()
         prepare()
         self.world.step()
-        if self.touching and self.repeats and (lost := self.touching.lost()):
+        for _ in self.touching.repetitions() if self.touching else ():
             skeleton.setPositions(before)
             skeleton.setVelocities(velocities)
             prepare()
-            with self.touching.repeating(lost):
-                self.world.step()
+            self.world.step()
         if self.mended:
             mend_rotations(self.model, before)
         if self.touching:

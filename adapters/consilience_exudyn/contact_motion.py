@@ -5,7 +5,7 @@ of friction follow the step h, so that contacts become rigid and friction Coulom
 inertia A that a contact sees together with all others:
 
 =======================  ======================================================================================
-closed, no restitution   stiffness ``2 / (h^2 A)`` in motions that are extrapolated, else ``50 / (h s A)``, s the
+closed, no restitution   stiffness ``1 / (h^2 A)`` in motions that are extrapolated, else ``50 / (h s A)``, s the
                          sample interval, for overlaps in proportion to h; damping 0.8 roots of the stiffness over A
 others                   stiffness `BOUNCE`, extrapolated ``(RESOLVED/h)^2``, over A; damping `OVERDAMPED` if e = 0
 friction                 zone ``h mu N G``, G the tangential inverse inertia, N a bound of the normal force
@@ -55,8 +55,8 @@ BOUNCE = 1e6
 OVERDAMPED = 10.0
 """Damping of contacts that hit without restitution, over the root of the stiffness: they rebound with one per cent."""
 
-RIGID = 2.0
-"""Stiffness of contacts that stay closed, over the inertia, times the square of the step."""
+RIGID = 1.0
+"""Stiffness of contacts that stay closed, over the inertia, times h^2; times rounding over h^2 it is an acceleration."""
 
 LINEAR = 50.0
 """The same, times step and sample interval, where overlaps are in proportion to the step."""
