@@ -1,24 +1,28 @@
 """Power of a ladder that another model would have ended at an earlier level.
 
 An error of a parameter changes the motions of all levels alike. A ladder ends at the first level that a rule passes;
-what changes the limit of an earlier level to the reference passes there, though the levels that were asked without the
-error would have noticed it. Such an error is found by least squares, and judged as an engine with it would be.
+what brings the limit of an earlier level to the reference passes there, though the levels that were asked without the
+error would have noticed it. Errors of several sizes, and those that bring a limit nearest by least squares, are judged
+as an engine with them would be.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from consilience.compare import uncertainty
+from consilience.compare.evidence import Evidence
 from consilience.compare.levels import Levels
 from consilience.compare.motion import displacements
 from consilience.compare.power import LARGEST, MotionSensitivity, Power
 from consilience.compare.prospect import Prospect
 from consilience.compare.reference_motion import ReferenceMotion
 from consilience.compare.result import Verdict
+from consilience.compare.softness import EXPLAINED
 from consilience.engine import Run
 from consilience.mechanism import Mechanism
 
@@ -33,7 +37,7 @@ FURTHER = 1.25
 
 @uncertainty.BLOWN_UP
 def powers(
-    mechanism: Mechanism, runs: Sequence[Run], reference_motion: ReferenceMotion, passes: float, verdict: Verdict
+    mechanism: Mechanism, runs: Sequence[Run], reference_motion: ReferenceMotion, evidence: Evidence, verdict: Verdict
 ) -> tuple[Power, ...]:
     """Return the smallest error of each parameter that acts which the levels would have noticed.
 
@@ -43,62 +47,76 @@ def powers(
     runs : sequence of Run
         Answered levels, coarse to fine.
     reference_motion : ReferenceMotion
-    passes : float
-        Largest difference that passes at the finest level.
+    evidence : Evidence
+        Of these levels.
     verdict : Verdict
         Of these levels.
     """
-    judged = Levels(mechanism, runs, reference_motion).judged
-    found = [s.power(passes, judged) for s in reference_motion.sensitivities]
-    if verdict not in PASSED or len(runs) <= uncertainty.LEAST_LEVELS:
+    whole = Levels(mechanism, runs, reference_motion)
+    found = [s.power(evidence.passes, whole.judged) for s in reference_motion.sensitivities]
+    if verdict not in PASSED or len(runs) <= uncertainty.LEAST_LEVELS or whole.judged < 2:
         return tuple(found)
-    earlier = [Levels(mechanism, runs[:n], reference_motion) for n in range(uncertainty.LEAST_LEVELS, len(runs))]
+    earlier = _Earlier(mechanism, runs, reference_motion, evidence.allowed)
     return tuple(
-        replace(power, limit=_raised(earlier, runs, reference_motion, acting, power.limit))
+        power if acting.pair is None else replace(power, limit=earlier.raised(acting, power.limit))
         for acting, power in zip(reference_motion.sensitivities, found, strict=True)
     )
 
 
-def _raised(
-    earlier: Sequence[Levels],
-    runs: Sequence[Run],
-    reference_motion: ReferenceMotion,
-    acting: MotionSensitivity,
-    limit: float,
-) -> float:
-    """Return the largest error that an earlier level would pass, or the limit of the finest if larger."""
-    for least in _cancelling(earlier, acting):
-        error = least
-        while CLAIMED * limit < abs(error) < LARGEST and _passes(earlier, runs, reference_motion, acting, error):
-            limit, error = abs(error), FURTHER * error
-    return limit
+class _Earlier:
+    """Levels at which a ladder did not end, and could have with another model."""
+
+    def __init__(
+        self, mechanism: Mechanism, runs: Sequence[Run], reference_motion: ReferenceMotion, allowed: float
+    ) -> None:
+        counts = range(uncertainty.LEAST_LEVELS, len(runs))
+        self.ends = [Levels(mechanism, runs[:n], reference_motion) for n in counts]
+        self.reference_motion, self.allowed = reference_motion, allowed
+
+    def raised(self, acting: MotionSensitivity, limit: float) -> float:
+        """Return the largest error that an earlier level would pass, or the limit of the finest if larger."""
+        for least in (*self._cancelling(acting), *_multiples(limit)):
+            if abs(least) < CLAIMED * limit:
+                continue
+            error = least
+            while abs(error) < LARGEST and self._pass(acting, error):
+                limit, error = abs(error), FURTHER * error
+        return limit
+
+    def _cancelling(self, acting: MotionSensitivity) -> Iterator[float]:
+        """Yield for each level the error that brings its limit nearest to the reference."""
+        assert acting.pair is not None
+        for levels in self.ends:
+            if (limit := levels.declared_limit) is None:
+                continue
+            size, judged = levels.scales.size, slice(levels.judged)
+            off = displacements(levels.reference, limit, size)[:, judged]
+            change = displacements(*acting.pair, size)[:, judged] / acting.error
+            square = float(np.sum(change**2))
+            if square > 0.0 and np.isfinite(square):
+                yield -float(np.sum(off * change)) / square
+
+    def _pass(self, acting: MotionSensitivity, error: float) -> bool:
+        """Whether an engine with an error of the parameter would end at a level and pass there."""
+        change = abs(error) * float(acting.effect[self.ends[-1].judged - 1])
+        if not any(self._in_reach(levels, change) for levels in self.ends):
+            return False
+        other = replace(self.reference_motion, answer=acting.without(self.reference_motion.answer, error))
+        for levels in self.ends:
+            prospect = Prospect.of(levels.mechanism, levels.runs, other)
+            if prospect.decided:
+                return prospect.verdict in PASSED
+        return False
+
+    def _in_reach(self, levels: Levels, change: float) -> bool:
+        """Whether a change of the motion may bring the limit of a level within what passes there."""
+        ladder, finest = levels.ladder, float(np.max(levels.errors[-1][: levels.judged]))
+        passes = max(EXPLAINED * (finest + change), self.allowed)
+        limit = np.inf if ladder.limit is None else ladder.limit
+        return min(limit, ladder.remains) - passes <= change <= limit + passes
 
 
-def _cancelling(earlier: Sequence[Levels], acting: MotionSensitivity) -> Iterator[float]:
-    """Yield for each earlier level the error that brings its limit nearest to the reference."""
-    for levels in earlier:
-        limit, count = levels.declared_limit, levels.judged
-        if limit is None or acting.pair is None or count < 2:
-            continue
-        size = levels.scales.size
-        off = displacements(levels.reference, limit, size)[:, :count]
-        change = displacements(*acting.pair, size)[:, :count] / acting.error
-        square = float(np.sum(change**2))
-        if square > 0.0 and np.isfinite(square):
-            yield -float(np.sum(off * change)) / square
-
-
-def _passes(
-    earlier: Sequence[Levels],
-    runs: Sequence[Run],
-    reference_motion: ReferenceMotion,
-    acting: MotionSensitivity,
-    error: float,
-) -> bool:
-    """Whether an engine with an error of the parameter would pass at an earlier level."""
-    other = replace(reference_motion, answer=acting.without(reference_motion.answer, error))
-    for levels in earlier:
-        prospect = Prospect.of(levels.mechanism, runs[: len(levels.runs)], other)
-        if prospect.decided:
-            return prospect.verdict in PASSED
-    return False
+def _multiples(limit: float) -> list[float]:
+    """Return errors of both signs from `CLAIMED` times a limit up to the largest."""
+    count = math.ceil(math.log2(LARGEST / limit)) if 0.0 < limit < LARGEST else 0
+    return [sign * CLAIMED * limit * 2.0**n for n in range(count) for sign in (1.0, -1.0)]
