@@ -56,7 +56,7 @@ OVERDAMPED = 10.0
 """Damping of contacts that hit without restitution, over the root of the stiffness: they rebound with one per cent."""
 
 RIGID = 1.0
-"""Stiffness of contacts that stay closed, over the inertia, times h^2; times rounding over h^2 it is an acceleration."""
+"""Stiffness of contacts that stay closed, over the inertia, times h^2: rounding over h^2 makes accelerations by it."""
 
 LINEAR = 50.0
 """The same, times step and sample interval, where overlaps are in proportion to the step."""
@@ -82,9 +82,13 @@ _OPENS = 1e-6
 _ATTEMPTS = 6
 """Motions with larger bounds of normal forces."""
 
+_CLEAR = 1e-12
+"""Gap in m of a contact without load at the start, which by rounding would act in the first step, or not."""
+
 _DEEP = 4.0
 """Radius of a point's sphere over the overlap under the bound of the normal force."""
 
+_KEEP = {"storeInternal": True, "writeToFile": False}
 _RUNGE_KUTTA = Integration("RK44", CONTACT_SETTINGS)
 
 
@@ -153,7 +157,7 @@ class _Seen:
         else:
             stiffness, damping = at.rigid / self.A, DAMPING * np.sqrt(at.rigid) / self.A
         zone = at.step * self.G * part.friction * bound
-        overlap = self.normal / stiffness
+        overlap = self.normal / stiffness or -_CLEAR
         deep = _DEEP * max(overlap, bound / stiffness, 1e-9)
         return Penalty(stiffness, damping, max(zone, 1e-12), overlap, deep, at.room, part.restitution)
 
@@ -286,12 +290,7 @@ def _assemble(mechanism: Mechanism, state: State, at: _Step, penalties: Sequence
             _add_joint_elements(system, mechanism, state, at, coordinates)
         sensors.extend(
             system.AddSensor(
-                items.SensorObject(
-                    objectNumber=index,
-                    outputVariableType=exu.OutputVariableType.Force,
-                    storeInternal=True,
-                    writeToFile=False,
-                )
+                items.SensorObject(objectNumber=index, outputVariableType=exu.OutputVariableType.Force, **_KEEP)
             )
             for index in objects
         )
@@ -341,7 +340,6 @@ def _free_bodies(system: Any, mechanism: Mechanism, state: State, touching: Call
 
     add_springs_and_loads(system, mechanism, mark)
     touching(system, mark, None)
-    keep = {"storeInternal": True, "writeToFile": False}
     sensors = [
         [
             system.AddSensor(
@@ -349,7 +347,7 @@ def _free_bodies(system: Any, mechanism: Mechanism, state: State, touching: Call
                     bodyNumber=index,
                     localPosition=list(-body.com),
                     outputVariableType=getattr(exu.OutputVariableType, name),
-                    **keep,
+                    **_KEEP,
                 )
             )
             for name in ("Position", "RotationMatrix", "Velocity", "AngularVelocity")

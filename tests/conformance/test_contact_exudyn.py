@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from consilience import simulate
 from consilience.case import load_case
 from consilience.engine import CannotRepresent, Question, Route, defects
 from consilience.mechanism import (
@@ -219,6 +220,16 @@ def test_a_ladder_keeps_its_speed_after_it_has_left_the_wall():
     state = LAB.state([0.5, 0, np.sqrt(0.75)], [0, 0, 0], turn=turned(0, -np.pi / 6, 0))
     answer = motion(mechanism, state, 0.6, 12, 1, Route.EXTRAPOLATED)
     close((LAB.centre(answer)[1][:2],), ([1.18993761819162, 0.0],), 1e-4)
+
+
+@pytest.mark.parametrize("substeps", [40, 80, 320])
+def test_a_contact_that_opens_at_the_start_never_acts(substeps):
+    """The ball leaves the wall at once. By rounding it touched in the first step, and was off by 1e-3, 6e-4, 1e-4 m."""
+    case = load_case("ball_in_corner-leaves")
+    native = ENGINE.methods(case.mechanism, T)[0]
+    found = ENGINE.trajectory(case.mechanism, case.initial_state, case.times, native, case.sample / substeps)
+    exact = simulate(case)
+    np.testing.assert_allclose(found.p_WB, exact.p_WB, rtol=0.0, atol=4e-5 * 40 / substeps)
 
 
 def test_a_rod_falls_over_whose_upper_end_would_touch_too():
