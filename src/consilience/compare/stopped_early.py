@@ -37,26 +37,24 @@ FURTHER = 1.25
 
 @uncertainty.BLOWN_UP
 def powers(
-    mechanism: Mechanism, runs: Sequence[Run], reference_motion: ReferenceMotion, evidence: Evidence, verdict: Verdict
+    levels: Levels, reference_motion: ReferenceMotion, evidence: Evidence, verdict: Verdict
 ) -> tuple[Power, ...]:
     """Return the smallest error of each parameter that acts which the levels would have noticed.
 
     Parameters
     ----------
-    mechanism : Mechanism
-    runs : sequence of Run
-        Answered levels, coarse to fine.
+    levels : Levels
     reference_motion : ReferenceMotion
+        To the end of the motion.
     evidence : Evidence
-        Of these levels.
+        Of the levels.
     verdict : Verdict
-        Of these levels.
+        Of the levels.
     """
-    whole = Levels(mechanism, runs, reference_motion)
-    found = [s.power(evidence.passes, whole.judged) for s in reference_motion.sensitivities]
-    if verdict not in PASSED or len(runs) <= uncertainty.LEAST_LEVELS or whole.judged < 2:
+    found = [s.power(evidence.passes, levels.judged) for s in reference_motion.sensitivities]
+    if verdict not in PASSED or len(levels.runs) <= uncertainty.LEAST_LEVELS or levels.judged < 2:
         return tuple(found)
-    earlier = _Earlier(mechanism, runs, reference_motion, evidence.allowed)
+    earlier = _Earlier(levels.mechanism, levels.runs, reference_motion, evidence.allowed)
     return tuple(
         power if acting.pair is None else replace(power, limit=earlier.raised(acting, power.limit))
         for acting, power in zip(reference_motion.sensitivities, found, strict=True)

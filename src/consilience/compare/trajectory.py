@@ -84,5 +84,5 @@ def compare_trajectory(
         times=tuple(float(t) for t in reference.time[samples]),
         growth=() if growth is None else tuple(float(g) for g in growth[samples]),
         levels=levels.shown(samples),
-        power=powers(mechanism, runs, reference_motion, evidence, rule.verdict),
+        power=powers(levels, reference_motion, evidence, rule.verdict),
     )
