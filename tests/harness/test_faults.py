@@ -194,8 +194,8 @@ def test_last_words_of_a_dying_engine_are_kept(results):
 def test_garbage_on_both_channels_harms_nothing_and_its_end_is_kept(results):
     (run,) = [r for r in results.runs if (r.engine, r.case, r.question) == ("chatters", "first", INSTANT)]
     assert run.status is Status.ANSWERED
-    assert run.log.endswith("on the error channel, last\n")
-    assert "from Python\n" in run.log
+    for said in ("from C\n", "from Python\n", "on the error channel, last\n"):  # C keeps its words until it is flushed
+        assert said in run.log[-60:]
     assert len(run.log) <= 4000
     (after,) = [r for r in results.runs if (r.engine, r.case, r.question) == ("chatters", "second", INSTANT)]
     assert after.log == ""
