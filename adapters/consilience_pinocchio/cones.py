@@ -65,7 +65,8 @@ ForceSet = Interval | Circle | Anchor
 ONE_SIDED = Interval(0.0, np.inf)
 
 
-def _without_tangents(sets: Sequence[ForceSet]) -> tuple[Array, list[ForceSet]]:
+@lru_cache(maxsize=16)
+def _without_tangents(sets: tuple[ForceSet, ...]) -> tuple[Array, tuple[ForceSet, ...]]:
     """Return the rows of sets, and the sets, without tangents of no friction: a cone that is a line is solved badly."""
     rows: list[int] = []
     found: list[ForceSet] = []
@@ -76,7 +77,7 @@ def _without_tangents(sets: Sequence[ForceSet]) -> tuple[Array, list[ForceSet]]:
         rows += range(end - 1 if smooth else start, end)
         found.append(ONE_SIDED if smooth else one)
         start = end
-    return np.array(rows, dtype=int), found
+    return np.array(rows, dtype=int), tuple(found)
 
 
 @lru_cache(maxsize=1)
@@ -156,7 +157,9 @@ class ConeSolver:
         ArithmeticError
             The solver does not converge.
         """
-        rows, pushing = _without_tangents(sets)
+        rows, pushing = _without_tangents(tuple(sets))
+        if len(rows) == len(y):
+            return self._pushed(G, y, pushing)
         f = np.zeros(len(y))
         f[rows] = self._pushed(G[np.ix_(rows, rows)], y[rows], pushing)
         return f
@@ -180,8 +183,8 @@ class ConeSolver:
 
     def _solved(self, G: Array, y: Array, sets: Sequence[ForceSet]) -> Array:
         """Return the forces by Pinocchio's solver, in two numbers of iterations and two units."""
-        if self._sets != tuple(sets):
-            self._sets, self._kept = tuple(sets), _models(sets)
+        if self._sets != (own := tuple(sets)):
+            self._sets, self._kept = own, _models(own)
         scale = float(np.max(np.abs(y), initial=0.0))
         if scale == 0.0:
             return np.zeros(len(y))

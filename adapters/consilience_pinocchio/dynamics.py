@@ -158,13 +158,13 @@ def weld_rows(translation: Translation, q: Array, v: Array) -> tuple[Array, Arra
     model, data = translation.model, translation.data
     pin.forwardKinematics(model, data, q, v, np.zeros(model.nv))
     pin.computeJointJacobians(model, data)
-    rows, bias = [np.zeros((0, model.nv))], [np.zeros(0)]
-    for original, copy in translation.welds:
+    rows, bias = np.zeros((6 * len(translation.welds), model.nv)), np.zeros(6 * len(translation.welds))
+    for n, (original, copy) in enumerate(translation.welds):
         J = [pin.getFrameJacobian(model, data, s.joint, s.placement, WORLD_AXES) for s in (original, copy)]
         a = [pin.getFrameClassicalAcceleration(model, data, s.joint, s.placement, WORLD_AXES) for s in (original, copy)]
-        rows.append(as_matrix(J[1] - J[0], model))
-        bias.append(a[0].vector - a[1].vector)
-    return np.vstack(rows), np.concatenate(bias)
+        rows[6 * n : 6 * n + 6] = as_matrix(J[1] - J[0], model)
+        bias[6 * n : 6 * n + 6] = a[0].vector - a[1].vector
+    return rows, bias
 
 
 def all_rows(translation: Translation, elements: Elements, q: Array, v: Array, t: float) -> tuple[Array, Array]:
@@ -177,7 +177,10 @@ def all_rows(translation: Translation, elements: Elements, q: Array, v: Array, t
     q, v : ndarray, shape (nq,) and (nv,)
     t : float, s
     """
-    welds, rows = weld_rows(translation, q, v), elements.rows.at(q, v, t)
+    welds = weld_rows(translation, q, v)
+    if not elements.rows.count:
+        return welds
+    rows = elements.rows.at(q, v, t)
     return np.vstack([welds[0], rows[0]]), np.concatenate([welds[1], rows[1]])
 
 

@@ -10,6 +10,7 @@ are the adapter's.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import hypot
 
 import numpy as np
 import pinocchio as pin
@@ -40,22 +41,31 @@ class Side:
         self._model, self._data, self._seat = translation.model, translation.data, translation.body_seat(index)
         self._where = self._model, self._data, self._seat.joint, self._seat.placement, WORLD_AXES
         self.J = np.zeros((6, self._model.nv))
-        self.place()
+        self._read()
+
+    @property
+    def fixed(self) -> bool:
+        """Whether the body is fixed in the world."""
+        return bool(self._seat.joint == 0)
 
     def place(self) -> None:
         """Read the pose."""
+        if not self.fixed:
+            self._read()
+
+    def _read(self) -> None:
         frame = self._data.oMi[self._seat.joint] * self._seat.placement
         self.R, self.p = np.array(frame.rotation), np.array(frame.translation)
 
     def update(self) -> None:
         """Read pose and Jacobian; the data must hold placements and joint Jacobians."""
         self.place()
-        if self._seat.joint > 0:
+        if not self.fixed:
             self.J = as_matrix(pin.getFrameJacobian(*self._where), self._model)
 
     def rates(self) -> tuple[Array, Array, Array, Array]:
         """Return velocity of the origin, angular velocity, and their rates for the accelerations in the data."""
-        if self._seat.joint == 0:
+        if self.fixed:
             return _ZERO, _ZERO, _ZERO, _ZERO
         twist, a = pin.getFrameVelocity(*self._where), pin.getFrameClassicalAcceleration(*self._where)
         return twist.linear, twist.angular, a.linear, a.angular
@@ -128,11 +138,13 @@ class Touch:
     def nearest(self) -> Nearest:
         """Return the nearest points and their rows."""
         gap, normal, arm = self._geometry()
-        first = cross(normal, _AXES[np.argmin(np.abs(normal))])
-        first = first / np.linalg.norm(first)
+        first = cross(normal, _AXES[abs(normal).argmin()])
+        first /= hypot(*first)
         axes = np.array([first, cross(normal, first), normal])
         point = self.body.p + arm
-        slip = self.body.velocity_rows(arm) - self.partner.velocity_rows(point - self.partner.p)
+        slip = self.body.velocity_rows(arm)
+        if not self.partner.fixed:
+            slip = slip - self.partner.velocity_rows(point - self.partner.p)
         return Nearest(gap, axes, point, axes @ slip)
 
     def bias(self, nearest: Nearest) -> Array:

@@ -14,9 +14,12 @@ Dynamical Systems, 2008, chapter 10]
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from math import hypot
 
 import numpy as np
 import pinocchio as pin
+from scipy.linalg.lapack import dpotrf, dtrtrs
 
 from consilience.mechanism import Array, Mechanism, elementary_contacts
 from consilience_pinocchio.cones import ONE_SIDED, Anchor, Circle, ConeSolver, ForceSet, Interval
@@ -63,10 +66,15 @@ class Start:
     t: float
     h: float
 
-    @property
+    @cached_property
     def free(self) -> Array:
         """Velocity at the end of the step without forces."""
         return np.asarray(self.v + self.h * self.a)
+
+    @cached_property
+    def _fastest(self) -> float:
+        """Largest change of a velocity in the step without forces."""
+        return self.h * float(np.abs(self.a).max())
 
     def needed(self, gap: float, along: Array, restitution: float) -> float | None:
         """Return what is added to the free rate of a gap, over h, in its condition; None if the gap is out of reach.
@@ -83,7 +91,7 @@ class Start:
         u, free = float(along @ self.v), float(along @ self.free)
         if restitution > 0.0 and u < -RESTING * abs(free - u):
             return None if gap + 0.5 * self.h * u > 0.0 else restitution * u / self.h
-        reach = REACH * self.h * (abs(u) + abs(free) + self.h * float(np.max(np.abs(self.a))))
+        reach = REACH * self.h * (abs(u) + abs(free) + self._fastest)
         return None if gap > max(reach, CLOSED) else gap / self.h**2
 
     def contact(self, number: int, touch: Touch, nearest: Nearest, needed: float) -> Array:
@@ -202,8 +210,8 @@ class Unilateral:
         for side in self._sides:
             side.update()
         rows = _Rows()
-        empty = -len(J) % 3  # anchors have three rows
-        J, gamma = np.vstack([J, np.zeros((empty, len(start.v)))]), np.concatenate([gamma, np.zeros(empty)])
+        if empty := -len(J) % 3:  # anchors have three rows
+            J, gamma = np.vstack([J, np.zeros((empty, len(start.v)))]), np.concatenate([gamma, np.zeros(empty)])
         rows.add(J, J @ start.a - gamma, *[Anchor()] * (len(J) // 3))
         touched = self._add_contacts(rows, start)
         self._add_joints(rows, start)
@@ -218,8 +226,7 @@ class Unilateral:
             if needed is None:
                 continue
             touched[n] = nearest
-            at_rest = float(np.linalg.norm(nearest.J[:2] @ start.v)) <= AT_REST
-            sticks = at_rest and law.static_friction is not None
+            sticks = law.static_friction is not None and hypot(*(nearest.J[:2] @ start.v)) <= AT_REST
             mu = law.static_friction if sticks else law.friction
             rows.add(nearest.J, start.contact(n, touch, nearest, needed), Circle(float(mu or 0.0)))
         return touched
@@ -239,11 +246,13 @@ class Unilateral:
 
     def _solved(self, rows: _Rows, start: Start, touched: dict[int, Nearest]) -> Pressed:
         J, y, held = np.vstack(rows.J), np.concatenate(rows.y), len(rows.J[0])
-        L = np.linalg.cholesky(np.array(pin.crba(self._translation.model, self._translation.data, start.q)))
-        Y = np.linalg.solve(L, J.T)
+        L, singular = dpotrf(pin.crba(self._translation.model, self._translation.data, start.q), lower=1)
+        if singular:
+            raise ArithmeticError("the mass matrix is not positive definite")
+        Y = dtrtrs(L, J.T, lower=1)[0]
         G = Y.T @ Y
         f = self.solver.forces(G, y, rows.sets)
-        a = start.a + np.linalg.solve(L.T, Y @ f)
+        a = start.a + dtrtrs(L, Y @ f, lower=1, trans=1)[0]
         end = start.v + start.h * a
         count, joints = len(self.touches), held + 3 * len(touched)
         forces, modes = np.zeros((count, 3)), np.zeros(count, dtype=int)
@@ -260,4 +269,4 @@ class Unilateral:
 def _mode(force: Array, slip: Array) -> int:
     if force[2] <= 0.0:
         return SEPARATED
-    return SLIDING if float(np.linalg.norm(slip[:2])) > AT_REST else STICKING
+    return SLIDING if hypot(*slip[:2]) > AT_REST else STICKING
