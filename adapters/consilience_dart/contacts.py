@@ -10,7 +10,7 @@ point is a sphere of this radius.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from itertools import combinations
 from typing import Any
 
@@ -200,7 +200,7 @@ class Touching:
 
     def note(self) -> None:
         """Keep the motion of the pads before a step."""
-        self._before = [[pad.motion() for pad in pads] for pads in self._pads]
+        self._before = self._motions()
 
     def add(self, step: float) -> None:
         """Add the forces of the step that was taken.
@@ -209,6 +209,7 @@ class Touching:
         """
         self.forces = np.zeros((self._count, 3))
         self.modes = np.full(self._count, SEPARATED)
+        motions = self._motions()
         for contact in self._world.getLastCollisionResult().getContacts():
             name = contact.collisionObject1.getShapeFrame().getBodyNode().getName()
             n = self._numbers[name]
@@ -218,7 +219,7 @@ class Touching:
             normal, point = np.asarray(contact.normal), np.asarray(contact.point)
             if abs(force @ normal) == 0.0:
                 continue
-            before, after = self.slip(n, point, self._before[n]), self.slip(n, point)
+            before, after = self._slip(n, point, self._before[n]), self._slip(n, point, motions[n])
             self.forces[n] += force
             self.points[n] = point
             self.slip_rate = max(self.slip_rate, float(np.linalg.norm(after - before)) / step)
@@ -227,9 +228,9 @@ class Touching:
             if slides or self.modes[n] == SEPARATED:
                 self.modes[n] = SLIDING if slides else STICKING
         self.impulse += step * self.forces
-        self.note()
+        self._before = motions
 
-    def slip(self, n: int, point: Array, motions: Sequence[Motion] | None = None) -> Array:
+    def slip(self, n: int, point: Array) -> Array:
         """Return the velocity of the body's material point at a point relative to the partner's.
 
         Parameters
@@ -237,14 +238,18 @@ class Touching:
         n : int
             Number of the contact.
         point : ndarray, shape (3,), m
-            At the start of the step.
-        motions : sequence, optional
-            Motions of the pads; default: those after the step, with the positions of its start.
+            At the state last noted.
         """
-        body, partner = motions or [pad.motion() for pad in self._pads[n]]
-        places = [origin for origin, _, _ in self._before[n]]
-        (v, w), (v_P, w_P) = body[1:], partner[1:]
-        return v + cross(w, point - places[0]) - v_P - cross(w_P, point - places[1])
+        return self._slip(n, point, [pad.motion() for pad in self._pads[n]])
+
+    def _motions(self) -> list[list[Motion]]:
+        return [[pad.motion() for pad in pads] for pads in self._pads]
+
+    def _slip(self, n: int, point: Array, motions: list[Motion]) -> Array:
+        """Return the slip at a point of the start of a step, by motions of the pads at either end of the step."""
+        (origin, _, _), (origin_P, _, _) = self._before[n]
+        (_, v, w), (_, v_P, w_P) = motions
+        return v + cross(w, point - origin) - v_P - cross(w_P, point - origin_P)
 
     def jacobian(self, n: int) -> Array:
         """Return the Jacobian (3, dofs) of the slip of a contact, at its point in the last step."""
