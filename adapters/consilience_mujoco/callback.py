@@ -12,6 +12,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from scipy.linalg.lapack import dgesdd
 
 from consilience.mechanism import Array
 from consilience_mujoco.messages import EngineWarningError
@@ -109,14 +110,17 @@ def _limited(rank: int, nv: int) -> Callable[[Any], None]:
 
     def write(data: Any) -> None:
         """Replace all rows and right-hand sides by their projections on the largest singular values."""
-        J, aref = data.efc_J[: data.ne * nv].reshape(-1, nv), data.efc_aref
-        if not np.all(np.isfinite(J)):
+        count = data.ne
+        J, aref = data.efc_J[: count * nv].reshape(-1, nv), data.efc_aref[:count]
+        if not np.isfinite(np.vdot(J, J)):
             raise EngineWarningError("rows of constraints are not finite. The simulation is unstable.")
-        U, s, Vt = np.linalg.svd(J, full_matrices=False)
-        kept = max(rank, int(np.sum(s > _CLEAR * s[0])))
+        U, s, Vt, failed = dgesdd(J, full_matrices=0)
+        if failed:
+            raise EngineWarningError("the singular values of the constraints were not found")
+        kept = max(rank, int(np.count_nonzero(s > _CLEAR * s[0])))
         U = U[:, :kept]
         J[:] = (U * s[:kept]) @ Vt[:kept]
-        aref[: data.ne] = U @ (U.T @ aref[: data.ne])
+        aref[:] = U @ (U.T @ aref)
 
     return write
 

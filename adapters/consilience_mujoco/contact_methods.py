@@ -9,7 +9,7 @@ from typing import Any
 from consilience.engine import Method, Profile, Question, Route, Unsupported
 from consilience.mechanism import GROUND, Cone, ContactLaw, Mechanism, SphereSphere
 from consilience_mujoco.contact_instant import HARD, SOFT
-from consilience_mujoco.contact_motion import BOUNCE, RELAXATION
+from consilience_mujoco.contact_motion import BOUNCE, BOUNCE_OF_STOPS, RELAXATION
 from consilience_mujoco.contacts import IMPEDANCE, bounds
 from consilience_mujoco.methods import DEFAULT_STEPS, INVWEIGHT_SCALE, OPTIONS, hard, iterations
 from consilience_mujoco.rows import Equalities
@@ -133,7 +133,8 @@ def _instant(settings: dict[str, Any], law: str) -> Method:
 def _gains(mechanism: Mechanism, restitution: bool) -> dict[str, Any]:
     """Describe the gains of a motion."""
     follow = f"friction 1/h, others 0.6/h with a relaxation in {RELAXATION:g} sample intervals, 1 of stops"
-    bounce = f"; with restitution stiffness {BOUNCE:g} 1/s^2 over the inertia, damping by the restitution"
+    stiffness = f"stiffness {BOUNCE:g} 1/s^2 over the inertia, {BOUNCE_OF_STOPS:g} of stops"
+    bounce = f"; with restitution {stiffness}, damping by the restitution"
     text = follow + (bounce if restitution else "")
     found = {"pair_solref, pair_solreffriction": text} if mechanism.contacts else {}
     found |= {"jnt_solref": text} if mechanism.stops else {}

@@ -35,8 +35,8 @@ RELAXATION, RELAXATION_OF_STOPS = 0.2, 1.0
 _SLIDING, _NORMAL = 1.0, 0.6
 """Damping of friction and of the normal direction, times the step: RK4 is stable below 2.78."""
 
-BOUNCE = 1e6
-"""Stiffness of contacts and stops with restitution over the inertia, 1/s^2: half a period is 3 ms."""
+BOUNCE, BOUNCE_OF_STOPS = 1e6, 2e6
+"""Stiffness of contacts and stops with restitution over the inertia, 1/s^2: half a period is 3 ms, and 2 ms."""
 
 _ON_CONE = 1e-9
 """Relative distance to the cone at which a contact counts as sliding."""
@@ -92,13 +92,14 @@ def set_gains(translation: Translation, state: State, interval: float, softness:
         rough = touch.part.friction > 0.0
         ratio = SOFT if rough else HARD
         set_inverse_inertia(model, touch, ratio * A)
-        b, k = _gains(touch.part.restitution, slow, softness)
+        b, k = _gains(touch.part.restitution, slow, BOUNCE / softness**2)
         model.pair_solref[touch.pair] = _solref(k, b, ratio if rough else 1.0)
         model.pair_solreffriction[touch.pair] = _solref(0.0, _SLIDING / step, 1.0)
         if rough:  # the overlap under the force at the start is at a gap of zero
             model.pair_margin[touch.pair] = normal.get(touch.pair, 0.0) * A / k
     for limit in t.limits:
-        b, k = _gains(limit.restitution, (damping, damping / (RELAXATION_OF_STOPS * interval)), softness)
+        slow = damping, damping / (RELAXATION_OF_STOPS * interval)
+        b, k = _gains(limit.restitution, slow, BOUNCE_OF_STOPS / softness**2)
         model.jnt_solref[limit.joint] = _solref(k, b, 1.0)
     model.dof_solref[:] = _solref(0.0, _SLIDING / step, 1.0)
 
@@ -112,12 +113,11 @@ def soften_defaults(model: Any, softness: float) -> None:
     model.dof_solref[:, 0] *= float(np.sqrt(softness))
 
 
-def _gains(restitution: float, slow: tuple[float, float], softness: float) -> tuple[float, float]:
-    """Damping and stiffness over the inertia."""
+def _gains(restitution: float, slow: tuple[float, float], stiffness: float) -> tuple[float, float]:
+    """Damping and stiffness over the inertia: those of no rebound, or of a restitution by a given stiffness."""
     if restitution == 0.0:
         return slow
-    k = BOUNCE / softness**2
-    return 2.0 * damping_ratio(restitution) * float(np.sqrt(k)), k
+    return 2.0 * damping_ratio(restitution) * float(np.sqrt(stiffness)), stiffness
 
 
 def _solref(k: float, b: float, ratio: float) -> list[float]:
@@ -187,12 +187,13 @@ class ContactRecord:
 def _acting(translation: Translation) -> Iterator[tuple[Touch, Array, float, Array]]:
     """Touches with a force: touch, force on `body` in world axes, its normal part, its tangential parts."""
     model, data = translation.model, translation.data
+    if not data.ncon:
+        return
     touches, six = {touch.geoms: touch for touch in translation.touches}, np.zeros(6)
-    for number in range(data.ncon):
-        first, second = (int(geom) for geom in data.contact.geom[number])
+    frames = data.contact.frame.reshape(-1, 3, 3)
+    for number, (first, second) in enumerate(data.contact.geom.tolist()):
         mujoco.mj_contactForce(model, data, number, six)
         if six[0] > 0.0:
             sign = -1.0 if (first, second) in touches else 1.0
             touch = touches.get((first, second)) or touches[second, first]
-            force = sign * (six[:3] @ data.contact.frame[number].reshape(3, 3))
-            yield touch, force, float(six[0]), np.array(six[1:3])
+            yield touch, sign * (six[:3] @ frames[number]), float(six[0]), six[1:3].copy()
