@@ -49,17 +49,16 @@ from consilience_exudyn.maximal import build, inertia_vector
 from consilience_exudyn.terms import Terms
 from consilience_exudyn.trajectory import Integration, solve, stored
 
-BOUNCE = 1e6
-"""Stiffness of contacts that hit, over the inertia, 1/s^2: half a period is 3 ms."""
+BOUNCE = 4e6
+"""Stiffness of contacts that hit, over the inertia, 1/s^2: half a period is 1.6 ms."""
 
 OVERDAMPED = 10.0
 """Damping of contacts that hit without restitution, over the root of the stiffness: they rebound with one per cent."""
 
-RIGID = 1.0
-"""Stiffness of contacts that stay closed, over the inertia, times h^2: rounding over h^2 makes accelerations by it."""
-
-LINEAR = 50.0
-"""The same, times step and sample interval, where overlaps are in proportion to the step."""
+RIGID, LINEAR = 1.0, 50.0
+"""Stiffness of contacts that stay closed, over the inertia, times h^2, which makes accelerations of rounding over h^2,
+or times step and sample interval, where overlaps are in proportion to the step.
+"""
 
 DAMPING = 0.8
 """Damping of contacts that stay closed, over the root of the stiffness."""
@@ -68,7 +67,10 @@ _STABLE = 2.0
 """Normal force over its bound up to which friction below the zone is stable."""
 
 _RATE = 1.5
-"""Largest rate of a damper or of friction below its zone, times the step: the inertia of a tree changes as it moves."""
+"""Largest rate of a damper, times the step: the inertia of a tree changes as it moves."""
+
+_REVERSES = 0.5
+"""Rate of dry friction below its zone, times the step: what reverses within one step errs by the step's phase."""
 
 RESOLVED = 0.2
 """Largest frequency of a contact that hits, times the step."""
@@ -321,7 +323,7 @@ def _add_joint_elements(system: Any, mechanism: Mechanism, state: State, at: _St
     for dry in mechanism.dry_frictions:
         ends, _ = coordinates(dry.joint, dry.coordinate)
         bound = float(dry.bound or 0.0)
-        zone = at.step * inertia(dry.joint, dry.coordinate) * bound / _RATE
+        zone = at.step * inertia(dry.joint, dry.coordinate) * bound / _REVERSES
         add_dry_friction(system, bound, zone, ends)
 
 

@@ -274,7 +274,7 @@ def test_the_end_of_a_rod_hits_a_rough_floor():
 
 
 def test_a_ball_bounces_with_its_restitution_whatever_its_mass():
-    """The spring holds the ball for pi / 1000 s; a softness of a half is four times the stiffness."""
+    """The spring holds the ball for pi / 2000 s; a softness of a half is four times the stiffness."""
     t1, u = np.sqrt(2.0 / G), np.sqrt(2.0 * G)
     later = 0.7 - t1
     truth = [0, 0, 0.1 + 0.5 * u * later - 0.5 * G * later**2], [0, 0, 0.5 * u - G * later]
