@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from consilience.engine import CannotRepresent, limit_of_halved
-from consilience.mechanism import Array, State, contact_gap, contact_parts, nearest_points
+from consilience.mechanism import Array, State, contact_gap, contact_parts, nearest_points, sharing_rows
 from consilience_dart.contacts import SLIDING, Touching
 from consilience_dart.state import Coordinates, read, send
 from consilience_dart.stepping import (
@@ -58,6 +58,9 @@ FINE = 1e-12
 SETTLED, UNSETTLED = 1e-7, 1e-6
 """Error of an acceleration, over the largest one or 1 m/s^2, below which the other solver is not asked, and above which
 there is no answer: by two extrapolations, or by what force mixing makes of forces that still change."""
+
+STEPS, SHARED_STEPS = 2, 3
+"""Steps of which the last counts; three where contacts share a load: their forces still change in the second."""
 
 MIXING = 1e-5
 """Force mixing of DART's contacts, a part of the diagonal of their inverse inertia; there is no setter."""
@@ -111,7 +114,7 @@ def _refuse_turning(stepping: Stepper, c: Coordinates) -> None:
 
 
 def _require_same_contacts(touching: Touching, forces: list[Array]) -> None:
-    """Refuse steps of which some miss a contact that others find: their limit is that of neither."""
+    """Refuse steps of which some miss a contact that others, or the first, find: their limit is that of neither."""
     acting = np.any(forces, axis=2)
     for n in np.flatnonzero(np.any(acting, axis=0) & ~np.all(acting, axis=0)):
         name = touching.mechanism.contacts[n].name
@@ -144,7 +147,7 @@ def settle(steppers: Sequence[Stepper], c: Coordinates, state: State) -> Array:
         if free:
             a += weight * zero_step_accelerations(stepping, c, state)
             continue
-        settled = _settled(steppers, c, state)
+        settled = _settled(steppers, c, state, shared=len(sharing_rows(model.mechanism, state)) > 0)
         a += weight * settled.a
         forces += weight * settled.forces
     send(model, c)
@@ -190,8 +193,10 @@ def _mixed(touching: Touching, model: Model, change: Array) -> float:
     return found
 
 
-def _settled(steppers: Sequence[Stepper], c: Coordinates, state: State) -> _Settled:
+def _settled(steppers: Sequence[Stepper], c: Coordinates, state: State, shared: bool) -> _Settled:
     """Solve by one solver of friction, by the other and with shorter steps where it leaves the accelerations open.
+
+    Where contacts share a load the second solver comes first: the first ends with no sign that it is off.
 
     Raises
     ------
@@ -199,9 +204,13 @@ def _settled(steppers: Sequence[Stepper], c: Coordinates, state: State) -> _Sett
     """
     found: list[_Settled] = []
     why: ArithmeticError | None = None
-    for part, (solver, stepping) in product(SHORTER, zip(SOLVERS, steppers, strict=True)):
+    solvers = list(zip(SOLVERS, steppers, strict=True))
+    steps = STEPS
+    if shared:
+        solvers, steps = solvers[::-1], SHARED_STEPS
+    for part, (solver, stepping) in product(SHORTER, solvers):
         try:
-            found.append(_by(solver, stepping, c, state, part))
+            found.append(_by(solver, stepping, c, state, part, steps))
         except ArithmeticError as error:
             why = error
             continue
@@ -213,8 +222,10 @@ def _settled(steppers: Sequence[Stepper], c: Coordinates, state: State) -> _Sett
     return best
 
 
-def _by(solver: tuple[str, str, int], stepping: Stepper, c: Coordinates, state: State, part: int) -> _Settled:
-    """Extrapolate the second step to zero step, by a solver of friction, from a part of the longest step.
+def _by(
+    solver: tuple[str, str, int], stepping: Stepper, c: Coordinates, state: State, part: int, steps: int
+) -> _Settled:
+    """Extrapolate the last of some steps to zero step, by a solver of friction, from a part of the longest step.
 
     Raises
     ------
@@ -226,21 +237,21 @@ def _by(solver: tuple[str, str, int], stepping: Stepper, c: Coordinates, state: 
     stepping.restart(c, 0.0, STEP)
     slowest, resting = _slips(stepping.model, touching, state)
     stepping.step(1)
-    starts = np.any(resting & (touching.modes == SLIDING))
+    first, starts = touching.forces, np.any(resting & (touching.modes == SLIDING))
     h = min(STEP, TURN * slowest / max(FRICTION, touching.slip_rate)) / part
     quotients, forces, changes = [], [], []
     for halves in (1, 2, 4, 8):
-        last = _quotient(stepping, c, h / halves, 2)
+        last = _quotient(stepping, c, h / halves, steps)
         a, force = last.a, last.forces
         if starts:
-            last = _quotient(stepping, c, h / halves, 3)
-            a, force = 3.0 * last.a - 2.0 * a, 3.0 * last.forces - 2.0 * force
+            last = _quotient(stepping, c, h / halves, steps + 1)
+            a, force = (steps + 1) * last.a - steps * a, (steps + 1) * last.forces - steps * force
         quotients.append(a)
         forces.append(force)
         changes.append(last.change)
     if touching.failed():
         raise ArithmeticError(f"{solver[0]} fails at this state")
-    _require_same_contacts(touching, forces)
+    _require_same_contacts(touching, [first, *forces])
     a, finer = limit_of_halved(quotients[:3]), limit_of_halved(quotients[1:])
     size = max(1.0, np.max(np.abs(a), initial=0.0))
     spread = np.max(np.abs(finer - a), initial=0.0) / size

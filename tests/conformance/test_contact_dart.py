@@ -222,6 +222,14 @@ def test_instants_slide_and_roll():
         np.testing.assert_allclose(LAB.axes.T @ at.contact_force[0, 0], force, atol=2e-6)
 
 
+def test_an_instant_of_a_box_that_slides_on_corners_which_share_its_load():
+    """It slows down by mu g and does not turn; the loads of the corners still change in the second step."""
+    along = np.array([np.cos(0.5), np.sin(0.5), 0.0])
+    mechanism, state = box(LAB, friction=0.4), LAB.state((0, 0, 0.1), 2.0 * along)
+    a, alpha = LAB.acceleration(instant(mechanism, state), state)
+    np.testing.assert_allclose([*a, *alpha], [*(-0.4 * G * along), 0.0, 0.0, 0.0], atol=1e-7)
+
+
 def test_an_instant_of_a_wheel_whose_slip_changes_fast():
     """Friction turns the rim of `braked_wheel` by 100 m/s^2 and more: a step must not change the slip by much."""
     case = load_case("braked_wheel")
@@ -346,7 +354,8 @@ def test_the_solver_of_friction_and_the_step_that_settle_answer(spreads, chosen,
     """Spreads of both solvers at the longest step, then at shorter ones; others fail."""
     asked = iter((*spreads, *[None] * (2 * len(contact_instant.SHORTER) - len(spreads))))
 
-    def by(solver, number, c, state, part):
+    def by(solver, number, c, state, part, steps):
+        assert steps == contact_instant.STEPS
         n, spread = number + 2 * contact_instant.SHORTER.index(part), next(asked)
         if spread is None:
             raise ArithmeticError("DART's solvers of friction leave the accelerations open")
@@ -355,9 +364,9 @@ def test_the_solver_of_friction_and_the_step_that_settle_answer(spreads, chosen,
     monkeypatch.setattr(contact_instant, "_by", by)
     if chosen is None:
         with pytest.raises(ArithmeticError, match="leave the accelerations open"):
-            contact_instant._settled((0, 1), None, None)
+            contact_instant._settled((0, 1), None, None, shared=False)
     else:
-        assert contact_instant._settled((0, 1), None, None).a[0] == chosen
+        assert contact_instant._settled((0, 1), None, None, shared=False).a[0] == chosen
 
 
 def test_a_capsule_lies_on_both_ends():

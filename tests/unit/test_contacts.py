@@ -9,6 +9,7 @@ from scipy.optimize import minimize_scalar
 from consilience.case import Case, load_case
 from consilience.case.file.reader import cases_from_tables
 from consilience.case.file.writer import case_table
+from consilience.engine import Question
 from consilience.engine.worker.codec import encode, value_of
 from consilience.engine.worker.wire import MessageHeader
 from consilience.errors import InvalidInput
@@ -43,6 +44,8 @@ from consilience.mechanism import (
     random_states,
     refuse_overlap,
 )
+from consilience.reference.engine import ReferenceEngine
+from contact_problems import LEVEL, G, Lab
 
 ZERO, X, Z = np.zeros(3), np.eye(3)[0], np.eye(3)[2]
 AT_HOME = Frame(ZERO, np.eye(3))
@@ -298,6 +301,25 @@ def test_random_states_keep_closed_what_is_closed_at_the_start(name):
             ends.append(places + [joint_spring_motion(m, moved, x.joint, x.coordinate)[0] for x in m.stops])
         closed = [nearest_points(m, start, part).gap < 1e-9 for part in elementary_contacts(m)] + [True] * len(m.stops)
         assert np.abs(np.subtract(*ends))[closed] / (2 * h) == pytest.approx(np.zeros(sum(closed)), abs=1e-8)
+
+
+@pytest.mark.parametrize(("feet", "turns"), [(3, True), (4, False)])
+def test_random_states_on_more_than_three_feet_of_one_plane_do_not_turn_on_it(feet, turns):
+    """How four feet share a load is open: only with one direction of all slips is the motion not open, too."""
+    lab, corners = Lab(), [[0.3, 0.2, -0.1], [-0.3, 0.2, -0.1], [0.3, -0.2, -0.1], [-0.3, -0.2, -0.1]]
+    mechanism = lab.free_body(2.0, (0.05, 0.07, 0.09), LEVEL, lab.points(corners[:feet], friction=0.3))
+    start, reference = lab.state((0, 0, 0.1), (0, 0, 0)), ReferenceEngine()
+    states = random_states(mechanism, start, 5, seed=3)
+    answer = reference.instant(mechanism, states, reference.methods(mechanism, Question.INSTANT)[0])
+    for k, state in enumerate(states):
+        arm = state.R_WB[0] @ lab.com
+        velocity, spin = lab.axes.T @ (state.v_WB_W[0] + np.cross(state.w_WB_W[0], arm)), lab.axes.T @ state.w_WB_W[0]
+        assert abs(velocity[2]) < 1e-12
+        assert np.linalg.norm(velocity) > 1e-2
+        assert (abs(spin[2]) > 1e-2) == turns
+        if not turns:
+            a = lab.axes.T @ (answer.a_WB_W[k, 0] + np.cross(answer.alpha_WB_W[k, 0], arm))
+            assert a == pytest.approx(-0.3 * G * velocity / np.linalg.norm(velocity), abs=1e-11)
 
 
 def test_a_start_that_overlaps_or_is_beyond_a_stop_is_refused():

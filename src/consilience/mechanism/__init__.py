@@ -38,6 +38,7 @@ from consilience.mechanism.contact_geometry import (
     elementary_contacts,
     nearest_points,
     refuse_overlap,
+    sharing_rows,
 )
 from consilience.mechanism.contact_laws import Compliance, Cone, ContactLaw, Regularisation, SurfaceLaw
 from consilience.mechanism.contacts import (
@@ -292,6 +293,7 @@ __all__ = [
     "row_value",
     "scaled_jacobian",
     "shapes_in_words",
+    "sharing_rows",
     "sine",
     "singular_pose",
     "skew",

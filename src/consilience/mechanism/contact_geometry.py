@@ -133,6 +133,28 @@ def closing_rows(mechanism: Mechanism, state: State) -> Array:
     return np.array(rows).reshape(-1, 6 * len(mechanism.bodies))
 
 
+def sharing_rows(mechanism: Mechanism, state: State) -> Array:
+    """Return a row for each pair of bodies with more than three closed contacts on one plane, in their velocities.
+
+    Times ``(v_WB_W, w_WB_W)`` a row is the angular velocity about the normal of the body relative to the partner. How
+    four contacts share a load is open: where that turns, friction has several directions, and the motion is open, too.
+    """
+    slack, found = TOUCHING * characteristic_length(mechanism), list[tuple[tuple[str, str], Array]]()
+    for part in elementary_contacts(mechanism):
+        near = nearest_points(mechanism, state, part)
+        if near.gap <= slack and part.friction > 0.0:
+            found.append(((part.body, part.partner), near.normal))
+    rows = []
+    for pair in dict.fromkeys(pair for pair, _ in found):
+        normals = [normal for other, normal in found if other == pair]
+        if len(normals) > 3 and np.ptp(normals, axis=0).max() <= TOUCHING:
+            row = np.zeros((len(mechanism.bodies) + 1, 6))  # the last is the ground
+            for body, sign in zip(pair, (1.0, -1.0), strict=True):
+                row[mechanism.body_index[body], 3:] = sign * normals[0]
+            rows.append(row[:-1].ravel())
+    return np.array(rows).reshape(-1, 6 * len(mechanism.bodies))
+
+
 def coordinate_row(mechanism: Mechanism, state: State, joint: str, coordinate: str) -> Array:
     """Return the row of the rate of a joint coordinate: that rate for each unit velocity."""
     count, row = len(mechanism.bodies), []

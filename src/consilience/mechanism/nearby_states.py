@@ -12,7 +12,7 @@ from consilience.errors import CannotAssemble
 from consilience.mechanism.assembly import assemble_positions, assemble_velocities, largest_residual
 from consilience.mechanism.branches import singular_pose
 from consilience.mechanism.constraints import RANK_TOLERANCE, null_space, scaled_jacobian, velocity_sizes
-from consilience.mechanism.contact_geometry import closing_rows
+from consilience.mechanism.contact_geometry import closing_rows, sharing_rows
 from consilience.mechanism.model import Mechanism, State
 from consilience.mechanism.singular import move
 from consilience.mechanism.spatial import Array
@@ -46,7 +46,8 @@ def _free_motion(mechanism: Mechanism, state: State, rng: np.random.Generator, h
 def random_states(mechanism: Mechanism, start: State, count: int, seed: int, speed: float = 2.0) -> list[State]:
     """Return consistent states on the branch of `start`: a random walk on the constraint manifold, random velocities.
 
-    A mechanism with contacts or stops keeps the pose of the start, and what is closed there stays closed: it slides.
+    A mechanism with contacts or stops keeps the pose of the start, and what is closed there stays closed: it slides,
+    and does not turn on more than three contacts of one pair on one plane (`sharing_rows`).
 
     Parameters
     ----------
@@ -109,7 +110,7 @@ def _sliding(mechanism: Mechanism, start: State, velocity: Array) -> State:
     state = assemble_velocities(mechanism, State(start.p_WB, start.quat_WB, v, w))
     sizes, free = velocity_sizes(mechanism), null_space(scaled_jacobian(mechanism, start))
     y = np.hstack([state.v_WB_W, state.w_WB_W]).ravel() / sizes
-    rows = closing_rows(mechanism, start) * sizes
+    rows = np.concatenate([closing_rows(mechanism, start), sharing_rows(mechanism, start)]) * sizes
     rows /= np.linalg.norm(rows, axis=1, keepdims=True)
     along = rows @ free
     along[np.linalg.norm(along, axis=1) <= RANK_TOLERANCE] = 0.0  # the joints hold these gaps
