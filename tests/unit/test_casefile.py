@@ -459,7 +459,7 @@ def test_all_problems_of_a_file_are_found_at_once_each_with_its_line(write):
         "door.toml: title": "the field is missing",
         "door.toml:2: gravity": "list should have at most 3 items after validation",
         "door.toml:13: body 'sill': mass": "-2.0 kg is not positive",
-        "door.toml:19: body 'door'.mass": "input should be a valid number",
+        "door.toml:19: body 'door'.mass": 'input should be a valid number (given: "heavy")',
         "door.toml:22: body 'door'.orientation": "the quaternion has norm 2; give a unit quaternion",
         "door.toml:30: joint 'hinge'.colour": "unknown field",
         "door.toml:24: joint 'hinge': axis": "the field is missing",
@@ -468,6 +468,45 @@ def test_all_problems_of_a_file_are_found_at_once_each_with_its_line(write):
     }
     assert "(9 more problems; `consilience validate`, or `problems` of this error, tells all.)" in str(caught.value)
     assert pickle.loads(pickle.dumps(caught.value)).problems[0].where == caught.value.problems[0].where
+
+
+BLOCK = """
+title = "block"
+gravity = [0.0, 0.0, -9.81]
+body = [{ name = "block", mass = 2, at = [0.0, 0.0, 0.1], inertia = { xx = 0.03, yy = 0.04, zz = 0.05 } }]
+joint = [{ name = "flight", kind = "free", predecessor = "ground", successor = "block", at = [0.0, 0.0, 0.1] }]
+
+[[contact]]
+name = "floor"
+body = "block"
+at = [0.0, 0.0, 0.1]
+half_sizes = [0.2, 0.2, 0.1]
+point = [0.0, 0.0, 0.0]
+normal = [0, 0, 1]
+friction = 0.5
+
+[trajectory]
+duration = 0.5
+sample = 0.05
+digits = 8
+"""
+
+
+@pytest.mark.parametrize(
+    ("valid", "given", "message"),
+    [
+        ("mass = 2", 'mass = "2"', r"body 'block'.mass: input should be a valid number \(given: .2.\)"),
+        ("mass = 2", "mass = true", r"body 'block'.mass: input should be a valid number \(given: True\)"),
+        ("digits = 8", 'digits = "8"', r"trajectory.digits: input should be a valid integer \(given: .8.\)"),
+        ("friction = 0.5", 'associated = "yes"', r"contact 'floor'.associated: input should be a valid boolean"),
+        ("friction = 0.5", 'cone = "circle"', r"contact 'floor'.cone: it is a table; give { kind = .circle. }"),
+        ("friction = 0.5", "compliance = 1e4", r"contact 'floor'.compliance: it is a table; give { stiffness = 1e4,"),
+    ],
+)
+def test_a_text_that_looks_like_a_number_is_none_and_a_law_that_is_a_table_says_so(write, valid, given, message):
+    assert load_file(write(BLOCK))
+    with pytest.raises(InvalidCase, match=message):
+        load_file(write(BLOCK.replace(valid, given)))
 
 
 def test_each_element_with_a_problem_is_named_where_the_mechanism_as_a_whole_has_one(write):

@@ -44,8 +44,9 @@ from consilience.mechanism import (
     random_states,
     refuse_overlap,
 )
+from consilience.reference.contact import simulate_with_contacts
 from consilience.reference.engine import ReferenceEngine
-from contact_problems import LEVEL, G, Lab
+from contact_problems import LEVEL, G, Lab, turned
 
 ZERO, X, Z = np.zeros(3), np.eye(3)[0], np.eye(3)[2]
 AT_HOME = Frame(ZERO, np.eye(3))
@@ -320,6 +321,22 @@ def test_random_states_on_more_than_three_feet_of_one_plane_do_not_turn_on_it(fe
         if not turns:
             a = lab.axes.T @ (answer.a_WB_W[k, 0] + np.cross(answer.alpha_WB_W[k, 0], arm))
             assert a == pytest.approx(-0.3 * G * velocity / np.linalg.norm(velocity), abs=1e-11)
+
+
+def test_a_disc_parallel_to_its_plane_is_refused_by_name():
+    """The slope of the gap of a disc is undefined there: a motion had gaps that are no numbers."""
+    lab = Lab()
+    disc = DiscPlane("rim", "body", lab.com, lab.principal[:, 2], 0.1, GROUND, lab.origin, lab.axes[:, 2])
+    mechanism = lab.free_body(1.0, (0.01, 0.01, 0.02), LEVEL, [disc])
+    state, reference = lab.state((0, 0, 0.3), (0, 0, 0)), ReferenceEngine()
+    tilted = lab.state((0, 0, 0.3), (0, 0, 0), turn=turned(1e-6, 0.0, 0.0))
+    for asked in (
+        lambda at: simulate_with_contacts(mechanism, at, [0.0, 0.1]),
+        lambda at: reference.instant(mechanism, [at], reference.methods(mechanism, Question.INSTANT)[0]),
+    ):
+        with pytest.raises(InvalidInput, match="contact 'rim': the disc is parallel to the plane"):
+            asked(state)
+        asked(tilted)
 
 
 def test_a_start_that_overlaps_or_is_beyond_a_stop_is_refused():

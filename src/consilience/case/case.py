@@ -23,6 +23,7 @@ from consilience.mechanism import (
     fastest_rate,
     initial_state,
     random_states,
+    refuse_flat_discs,
     refuse_overlap,
     require_states,
 )
@@ -136,6 +137,7 @@ class Case:
         """
         try:
             state = initial_state(self.mechanism, self.initial)
+            refuse_flat_discs(self.mechanism, state)
             refuse_overlap(self.mechanism, state)
         except InvalidInput as error:
             raise type(error)(f"{self.file}: {error.where}", error.what, error.remedy) from None

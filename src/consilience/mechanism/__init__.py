@@ -37,6 +37,7 @@ from consilience.mechanism.contact_geometry import (
     contact_velocity,
     elementary_contacts,
     nearest_points,
+    refuse_flat_discs,
     refuse_overlap,
     sharing_rows,
 )
@@ -272,6 +273,7 @@ __all__ = [
     "reaction_condition",
     "reaction_in_F",
     "reaction_map",
+    "refuse_flat_discs",
     "refuse_overlap",
     "relative_motion",
     "require_states",

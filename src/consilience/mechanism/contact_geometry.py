@@ -169,6 +169,22 @@ TOUCHING = 1e-10
 """Largest gap, and largest overlap, of a closed contact, over the characteristic length of the mechanism."""
 
 
+def refuse_flat_discs(mechanism: Mechanism, state: State) -> None:
+    """Refuse a state in which a disc is parallel to its plane: the lowest point of its rim is open.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    for part in elementary_contacts(mechanism):
+        if isinstance(part, DiscPlane):
+            axis = _rotation(mechanism, state, part.body) @ part.axis
+            normal = _rotation(mechanism, state, part.partner) @ part.normal
+            if np.linalg.norm(cross(axis, normal)) <= TOUCHING:
+                what = "the disc is parallel to the plane: which point of its rim is the lowest is open"
+                raise InvalidInput(f"contact '{part.name}'", what, "Tilt it, or state points of its rim as contacts.")
+
+
 def refuse_overlap(mechanism: Mechanism, state: State) -> None:
     """Refuse a state in which rigid shapes overlap, or a joint is beyond a stop.
 

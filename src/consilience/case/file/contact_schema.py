@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, Strict, ValidationInfo, field_validator, model_validator
 
 from consilience.case.file.values import Finite, InJoint, Name, Orientation, TableModel, Triple
 
@@ -13,7 +13,7 @@ class ConeTable(TableModel):
     """Cone of friction."""
 
     kind: Literal["circle", "pyramid", "box"]
-    facets: Annotated[int, Field(ge=3, le=1_000)] = Field(4, description="Of a pyramid.")
+    facets: Annotated[int, Strict(), Field(ge=3, le=1_000)] = Field(4, description="Of a pyramid.")
     offset: Finite = Field(0.0, description="Angle from the first tangent to a vertex of the pyramid, rad.")
     tangent: Triple | None = Field(
         None, description="First tangent in the drawing, projected; default: x of the partner, y where n is along x."
@@ -48,11 +48,21 @@ class ContactTable(TableModel):
     friction: Finite = Field(0.0, description="Coefficient of Coulomb's friction.")
     static_friction: Finite | None = Field(None, description="Coefficient of sticking; default: friction.")
     cone: ConeTable | None = Field(None, description="Default: Coulomb's circle.")
-    associated: bool = Field(False, description="Sliding lifts along the normal of the cone: the convex model.")
+    associated: Annotated[bool, Strict()] = Field(
+        False, description="Sliding lifts along the normal of the cone: the convex model."
+    )
     impact_law: Literal["newton", "moreau", "poisson"] = "newton"
     torsional: Finite = Field(0.0, description="Bound of the moment about the normal over the normal force, m.")
     rolling: Finite = Field(0.0, description="Bound of the moment across the normal over the normal force, m.")
     compliance: ComplianceTable | None = Field(None, description="Default: rigid shapes.")
+
+    @field_validator("cone", "compliance", mode="before")
+    @classmethod
+    def _table(cls, given: object, field: ValidationInfo) -> object:
+        if given is None or isinstance(given, dict | TableModel):
+            return given
+        table = '{ kind = "circle" }' if field.field_name == "cone" else "{ stiffness = 1e4, damping = 10.0 }"
+        raise ValueError(f"it is a table; give {table}, for instance")
 
     @model_validator(mode="after")
     def _one_pair(self) -> ContactTable:

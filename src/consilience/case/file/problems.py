@@ -121,7 +121,9 @@ def _without(raw: Mapping[str, Any], found: Iterable[Any]) -> dict[str, Any]:
 
 
 def _shown(value: Any) -> str:
-    """Beginning of a value; Python refuses to print integers of thousands of digits."""
+    """Beginning of a value, a text in quotes; Python refuses to print integers of thousands of digits."""
+    if isinstance(value, str):
+        return f'"{value[:60]}"'
     many = isinstance(value, int) and abs(value) > LARGEST
     return f"more than {LARGEST:g}" if many else str(value)[:60]
 

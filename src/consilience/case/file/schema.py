@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, Strict, model_validator
 
 from consilience.case.file.contact_schema import ContactTable, DryFrictionTable, StopTable
 from consilience.case.file.values import (
@@ -247,7 +247,7 @@ class TrajectoryTable(TableModel):
 
     duration: Positive = Field(5.0, description="s.")
     sample: Positive = Field(0.05, description="s; divides the duration.")
-    digits: Annotated[int, Field(ge=1, le=12)] = 8
+    digits: Annotated[int, Strict(), Field(ge=1, le=12)] = 8
 
     @model_validator(mode="after")
     def _sample_divides(self) -> TrajectoryTable:
@@ -260,8 +260,8 @@ class TrajectoryTable(TableModel):
 class InstantTable(TableModel):
     """What to ask at single instants."""
 
-    states: Annotated[int, Field(ge=1, le=10_000)] = 20
-    seed: Annotated[int, Field(ge=0, lt=2**63)] = 1
+    states: Annotated[int, Strict(), Field(ge=1, le=10_000)] = 20
+    seed: Annotated[int, Strict(), Field(ge=0, lt=2**63)] = 1
 
 
 class Components(TableModel):

@@ -6,7 +6,16 @@ from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    Strict,
+    WithJsonSchema,
+    model_validator,
+)
 
 from consilience.errors import visible
 from consilience.mechanism import (
@@ -35,8 +44,8 @@ def _printable(text: str) -> str:
 _FINITE = {"type": "number", "minimum": -LARGEST, "maximum": LARGEST}
 """JSON Schema of `Finite`."""
 
-Finite = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
-Positive = Annotated[float, Field(gt=0, le=LARGEST, allow_inf_nan=False)]
+Finite = Annotated[float, Strict(), Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
+Positive = Annotated[float, Strict(), Field(gt=0, le=LARGEST, allow_inf_nan=False)]
 Triple = Annotated[list[Finite], Field(min_length=3, max_length=3)]
 Powers = Annotated[
     list[Finite],
@@ -131,7 +140,9 @@ class CurveTable(TableModel):
 
     x: Annotated[list[Finite], Field(min_length=6, max_length=10_000)] = Field(description="Increasing.")
     y: Annotated[list[Finite], Field(min_length=6, max_length=10_000)] = Field(description="As many as x.")
-    periodic: bool = Field(False, description="It repeats with the period x[-1] - x[0]; then y[-1] = y[0].")
+    periodic: Annotated[bool, Strict()] = Field(
+        False, description="It repeats with the period x[-1] - x[0]; then y[-1] = y[0]."
+    )
 
     @model_validator(mode="after")
     def _pairs(self) -> CurveTable:

@@ -17,6 +17,7 @@ from consilience.mechanism import (
     kinetic_energy,
     own_units,
     potential_energy,
+    refuse_flat_discs,
     require_states,
 )
 from consilience.reference.bodies.canonical import at_origins, joint_wrenches
@@ -47,10 +48,14 @@ def contact_instant(mechanism: Mechanism, states: Sequence[State], t: float = 0.
 
     Raises
     ------
+    InvalidInput
+        A disc that is parallel to its plane.
     NumericalFailure
         A closed contact approaches: an impact has no accelerations; or the laws of contact have no solution or several.
     """
     require_states(mechanism, states)
+    for state in states:
+        refuse_flat_discs(mechanism, state)
     units = own_units(mechanism)
     own, there = kept_in_units(mechanism, units), [units.convert(state) for state in states]
     equations = ContactEquations(layout_of(own))

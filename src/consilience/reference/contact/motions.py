@@ -18,6 +18,7 @@ from consilience.mechanism import (
     Units,
     kept_in_units,
     motion_units,
+    refuse_flat_discs,
     telling_unit_of_time,
 )
 from consilience.reference.bodies.canonical import sample_times
@@ -53,7 +54,8 @@ def simulate_with_contacts(
     Raises
     ------
     InvalidInput
-        Tolerance out of range, times that do not increase, a contact that overlaps at the start.
+        Tolerance out of range, times that do not increase, a contact that overlaps at the start, or a disc that is
+        parallel to its plane there.
     NumericalFailure
         The laws of contact have no solution or several (Painleve), or the integration fails.
     """
@@ -80,6 +82,7 @@ def _integrate(
     mechanism: Mechanism, state: State, times: Array, tolerance: float, impacts: str = "newton"
 ) -> tuple[ContactSimulation, TrajectoryAnswer, Units]:
     """Integrate in the mechanism's own units; return the simulation, the motion in SI units, and what leads back."""
+    refuse_flat_discs(mechanism, state)
     units = motion_units(mechanism, times)
     own, start, grid = kept_in_units(mechanism, units), units.convert(state), units.time * times
     with telling_unit_of_time(units):
