@@ -104,7 +104,8 @@ def run(short: bool, names: Collection[str] = ()) -> Iterator[Table]:
     columns = ("case", "over", "reference", "engine", "how", "engine / reference")
     for target, (bar, what) in BARS.items():
         about = (
-            f"Bar: {bar:g}. The fastest of {what}, as its adapter is called; both build the model within the time. "
+            f"Bar: {bar:g}. The fastest of {what}, as its adapter is called; the reference builds its model within the "
+            "time, an adapter may keep that of the run before. "
             "The error is that of each body's origin and of the body's axes, as long as the mechanism's longest arm. "
             f"A method is given up where a run takes {PATIENCE:g} times as long as the reference, or would."
         )
