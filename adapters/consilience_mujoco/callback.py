@@ -12,7 +12,6 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from scipy.linalg.lapack import dgesdd
 
 from consilience.mechanism import Array
 from consilience_mujoco.messages import EngineWarningError
@@ -114,9 +113,7 @@ def _limited(rank: int, nv: int) -> Callable[[Any], None]:
         J, aref = data.efc_J[: count * nv].reshape(-1, nv), data.efc_aref[:count]
         if not np.isfinite(np.vdot(J, J)):
             raise EngineWarningError("rows of constraints are not finite. The simulation is unstable.")
-        U, s, Vt, failed = dgesdd(J, full_matrices=0)
-        if failed:
-            raise EngineWarningError("the singular values of the constraints were not found")
+        U, s, Vt = np.linalg.svd(J, full_matrices=False)
         kept = max(rank, int(np.count_nonzero(s > _CLEAR * s[0])))
         U = U[:, :kept]
         J[:] = (U * s[:kept]) @ Vt[:kept]

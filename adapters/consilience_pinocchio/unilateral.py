@@ -19,7 +19,6 @@ from math import hypot
 
 import numpy as np
 import pinocchio as pin
-from scipy.linalg.lapack import dpotrf, dtrtrs
 
 from consilience.mechanism import Array, Mechanism, elementary_contacts
 from consilience_pinocchio.cones import ONE_SIDED, Anchor, Circle, ConeSolver, ForceSet, Interval
@@ -246,13 +245,12 @@ class Unilateral:
 
     def _solved(self, rows: _Rows, start: Start, touched: dict[int, Nearest]) -> Pressed:
         J, y, held = np.vstack(rows.J), np.concatenate(rows.y), len(rows.J[0])
-        L, singular = dpotrf(pin.crba(self._translation.model, self._translation.data, start.q), lower=1)
-        if singular:
-            raise ArithmeticError("the mass matrix is not positive definite")
-        Y = dtrtrs(L, J.T, lower=1)[0]
+        L = np.linalg.cholesky(np.array(pin.crba(self._translation.model, self._translation.data, start.q)))
+        inverse = np.linalg.inv(L)
+        Y = inverse @ J.T
         G = Y.T @ Y
         f = self.solver.forces(G, y, rows.sets)
-        a = start.a + dtrtrs(L, Y @ f, lower=1, trans=1)[0]
+        a = start.a + inverse.T @ (Y @ f)
         end = start.v + start.h * a
         count, joints = len(self.touches), held + 3 * len(touched)
         forces, modes = np.zeros((count, 3)), np.zeros(count, dtype=int)
