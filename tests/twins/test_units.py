@@ -27,8 +27,8 @@ from consilience.compare.motion import difference_over_time, size_of_motion
 from consilience.engine import Profile, Question, installed, load_engine
 from consilience.engine.worker.client import InProcessEngine
 from consilience.mechanism import Frame, Initial, Units, in_units
-from consilience.suite import QUICK, Thoroughness, run_suite
-from consilience.suite.engine_runs import EngineCase, open_plan
+from consilience.suite import QUICK, Thoroughness, ask_ladder, run_suite
+from consilience.suite.engine_runs import EngineCase, levels_of, open_plan
 
 
 def units_by(*factors):
@@ -202,6 +202,19 @@ def test_declared_orders_do_not_depend_on_units(units):
     case = scaled(load_case("scissor_lift"), units)
     methods = load_engine("dart").methods(case.mechanism, Question.TRAJECTORY)
     assert {m.order for m in methods if m.name.startswith("World.step")} == {2}
+
+
+@pytest.mark.parametrize("time", [2.0**-10, 2.0**-6, 2.0**5])
+def test_a_ring_of_fifty_bodies_moves_in_mujoco_in_any_unit_of_time(time):
+    """MuJoCo's solver stops early where the ring is fast in the units that the engine has."""
+    motions = []
+    for case in (load_case("ring_of_50"), scaled(load_case("ring_of_50"), Units(time=time))):
+        engine = InProcessEngine("mujoco", load_engine("mujoco"))
+        plan = open_plan(engine, case)
+        method = next(m for m in plan.methods[Question.TRAJECTORY] if m.profile is Profile.MATCHED)
+        (run,) = ask_ladder(engine, case, plan, method, levels_of(case, Question.TRAJECTORY, method)[:1])
+        motions.append(run.answer.p_WB)
+    np.testing.assert_allclose(motions[1], motions[0], rtol=0, atol=1e-8)
 
 
 def excuse(case, lines, binary, engines, how):

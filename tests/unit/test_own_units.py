@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from consilience.engine import Manifest, Method, Profile, Question, Route
-from consilience.engine.worker.own_units import ORDINARY, SETTING, USUAL, units_of, with_units
+from consilience.engine.worker.own_units import ORDINARY, SETTING, USUAL, _units, units_of, with_units
 from consilience.engine.worker.requests import Request, perform
 from consilience.mechanism import (
     Compliance,
@@ -108,6 +108,17 @@ def test_ordinary_sizes_and_defaults_have_no_units_of_their_own():
     assert matched.settings["knob"] == 1
     assert SETTING in matched.settings
     assert default == METHODS[1]
+
+
+@pytest.mark.parametrize(("factor", "told"), [(2.0**-6, False), (2.0**-2, False), (2.0**4, True)])
+def test_a_fast_mechanism_has_a_unit_of_time_of_its_own(factor, told):
+    """Rates in multiples of the usual one: from `FAST` on, and not where they are slower by less than `ORDINARY`."""
+    mechanism = TREES["branched"]
+    (start,) = states_of(mechanism, 1)
+    units = Units(time=_units(mechanism, [start]).time / factor)
+    own = in_units(mechanism, *units)
+    (found,) = with_units(own, [units.convert(start)], Question.TRAJECTORY, METHODS[:1])
+    assert (SETTING in found.settings) == told
 
 
 def test_a_law_of_contact_has_the_engines_numbers_in_its_units():
