@@ -43,6 +43,7 @@ from consilience.mechanism import (
     quaternion_product,
     random_states,
     refuse_overlap,
+    sharing_rows,
 )
 from consilience.reference.contact import simulate_with_contacts
 from consilience.reference.engine import ReferenceEngine
@@ -321,6 +322,19 @@ def test_random_states_on_more_than_three_feet_of_one_plane_do_not_turn_on_it(fe
         if not turns:
             a = lab.axes.T @ (answer.a_WB_W[k, 0] + np.cross(answer.alpha_WB_W[k, 0], arm))
             assert a == pytest.approx(-0.3 * G * velocity / np.linalg.norm(velocity), abs=1e-11)
+
+
+def test_a_box_in_a_corner_shares_its_load_on_each_plane_by_itself():
+    lab, sizes = Lab(), np.array([0.3, 0.2, 0.1])
+    floor, wall = (
+        BoxPlane(
+            name, "body", lab.com, sizes, GROUND, lab.origin, lab.axes[:, k], orientation=lab.principal, friction=0.3
+        )
+        for name, k in (("floor", 2), ("wall", 0))
+    )
+    mechanism = lab.free_body(2.0, (0.05, 0.07, 0.09), LEVEL, [floor, wall])
+    rows = sharing_rows(mechanism, lab.state((0.3, 0, 0.1), (0, 0, 0)))
+    np.testing.assert_allclose(rows, [[0, 0, 0, *lab.axes[:, 2]], [0, 0, 0, *lab.axes[:, 0]]], atol=1e-12)
 
 
 def test_a_disc_parallel_to_its_plane_is_refused_by_name():

@@ -145,12 +145,12 @@ def sharing_rows(mechanism: Mechanism, state: State) -> Array:
         if near.gap <= slack and part.friction > 0.0:
             found.append(((part.body, part.partner), near.normal))
     rows = []
-    for pair in dict.fromkeys(pair for pair, _ in found):
-        normals = [normal for other, normal in found if other == pair]
-        if len(normals) > 3 and np.ptp(normals, axis=0).max() <= TOUCHING:
+    for n, (pair, normal) in enumerate(found):
+        alike = [other == pair and np.max(np.abs(one - normal)) <= TOUCHING for other, one in found]
+        if sum(alike) > 3 and alike.index(True) == n:  # once for each plane
             row = np.zeros((len(mechanism.bodies) + 1, 6))  # the last is the ground
             for body, sign in zip(pair, (1.0, -1.0), strict=True):
-                row[mechanism.body_index[body], 3:] = sign * normals[0]
+                row[mechanism.body_index[body], 3:] = sign * normal
             rows.append(row[:-1].ravel())
     return np.array(rows).reshape(-1, 6 * len(mechanism.bodies))
 
