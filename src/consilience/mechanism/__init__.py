@@ -136,7 +136,7 @@ from consilience.mechanism.units import (
     kept_in_units,
     motion_units,
     own_units,
-    telling_unit_of_time,
+    telling_seconds,
 )
 
 __all__ = [
@@ -303,7 +303,7 @@ __all__ = [
     "spring_damper_law",
     "spring_force",
     "states_in_motion",
-    "telling_unit_of_time",
+    "telling_seconds",
     "through",
     "to_elementary_tree",
     "turning_rate",

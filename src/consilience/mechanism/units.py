@@ -6,6 +6,7 @@ the same for a watch and for a crane where lengths are counted in the mechanism'
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
@@ -101,29 +102,33 @@ def own_units(mechanism: Mechanism, time: float = 1.0) -> Units:
     return Units(*(float(2.0 ** -np.round(np.log2(size))) for size in sizes))
 
 
-_ORDINARY = (5e-2, 1e2)
-"""Durations in s of motions for which the second is a good unit."""
-
-
 def motion_units(mechanism: Mechanism, times: Array) -> Units:
     """Return the own units of a mechanism with that of a motion with sample times, s.
 
-    The unit of time is the second, or for a very short or very long motion about a quarter of it.
+    The unit of time is near the duration, so that a tolerance of velocities means the same in any units of a case; for
+    an instant alone it is the second.
     """
-    duration = float(times[-1] - times[0])
-    ordinary = duration == 0.0 or _ORDINARY[0] <= duration <= _ORDINARY[1]
-    return own_units(mechanism, 1.0 if ordinary else duration / 4.0)
+    return own_units(mechanism, float(times[-1] - times[0]) or 1.0)
+
+
+_SECONDS = re.compile(r"(?<![\w.])(\d[\d.]*(?:e[-+]?\d+)?) s\b")
+"""A time in the message of a failure."""
 
 
 @contextmanager
-def telling_unit_of_time(units: Units) -> Iterator[None]:
-    """Add the unit of time to the message of a failure in these units, unless it is the second."""
+def telling_seconds(units: Units) -> Iterator[None]:
+    """Tell the times in the message of a failure in these units in seconds."""
+
+    def in_seconds(time: re.Match[str]) -> str:
+        digits = max(6, sum(map(str.isdigit, time[1].partition("e")[0])))
+        return f"{float(time[1]) / units.time:.{digits}g} s"
+
     try:
         yield
     except NumericalFailure as error:
         if units.time == 1.0:
             raise
-        raise NumericalFailure(f"{error} (in units of {1.0 / units.time:g} s)") from None
+        raise NumericalFailure(_SECONDS.sub(in_seconds, str(error))) from None
 
 
 def rescaled(function: Function, value: float, argument: float) -> Function:

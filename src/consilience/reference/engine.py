@@ -29,7 +29,7 @@ from consilience.mechanism import (
     motion_units,
     own_units,
     rough_dampers,
-    telling_unit_of_time,
+    telling_seconds,
 )
 from consilience.reference.formulations import registry
 from consilience.reference.solver import accelerations, refuse_steep_friction, simulate
@@ -65,8 +65,8 @@ _SUBSTEPS = (4, 8, 16)
 class ReferenceEngine:
     """Reference engine: relative joint coordinates for motions, descriptor form at instants, and a check of each.
 
-    Mechanisms are computed in their own units of length and mass (`own_units`), and very short and very long motions in
-    units of their time, so that tolerances and ranks do not depend on the units of a case.
+    Mechanisms are computed in their own units of length and mass (`own_units`), and motions in units of their duration,
+    so that tolerances and ranks do not depend on the units of a case.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ class ReferenceEngine:
         own, start, grid = kept_in_units(mechanism, units), units.convert(state), np.asarray(times) * units.time
         formulation, integrator, _ = (_OTHER | _ROUGH).get(method.name, (method.name, None, ()))
         step = step * units.time if method.substeps else step
-        with telling_unit_of_time(units):
+        with telling_seconds(units):
             found = simulate(own, start, grid, step, formulation, integrator)
         return replace(units.inverse.convert(found), time=np.asarray(times))
 

@@ -36,7 +36,7 @@ USUAL = 0.25, 2.0, 0.125
 
 ORDINARY, FAST = 128.0, 4.0
 """Factor on usual sizes within which a mechanism has ordinary ones, and on the usual rate: what depends on units there
-is rounding. Of a ring of fifty bodies eight times as fast MuJoCo's solver stops at 1e-6 of the forces.
+is rounding. A solver with absolute constants stops at 1e-6 of the forces of a ring of fifty bodies eight times as fast.
 """
 
 _PHYSICAL = (Question.MODEL, Question.INSTANT, Question.TRAJECTORY)
