@@ -57,7 +57,7 @@ def test_a_run_ends_with_its_headline_and_says_what_it_replaces(folder):
     told = called("report", "report", cwd=folder).stdout.splitlines()
     assert told[-3:] == [
         "1 of 1 cell agrees at model and instant.",
-        "1 of 1 motion reaches the digits asked by the engine's best method.",
+        "1 of 1 motion reaches the digits asked, by the engine's own integrator or else the harness's.",
         "report: report/report.html",
     ]
     (folder / "other").mkdir()

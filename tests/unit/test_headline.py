@@ -19,7 +19,7 @@ def test_a_worse_integrator_beside_a_good_one_changes_neither_the_model_nor_the_
     assert headline(record) == (
         "2 of 2 cells agree at model and instant",
         (
-            "1 of 2 motions reaches the digits asked by the engine's best method; "
+            "1 of 2 motions reaches the digits asked, by the engine's own integrator or else the harness's; "
             "1 needs smaller steps, not another model"
         ),
     )

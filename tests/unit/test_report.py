@@ -392,7 +392,7 @@ def test_the_head_counts_models_then_motions_and_leaves_the_reference_out(everyt
     )
     assert view.sentences == (
         (
-            "0 of 2 motions reach the digits asked by the engine's best method; 1 failed; "
+            "0 of 2 motions reach the digits asked, by the engine's own integrator or else the harness's; 1 failed; "
             "1 needs smaller steps, not another model."
         ),
         "1 engine not available: gone.",
@@ -664,7 +664,9 @@ def test_a_cell_and_the_terminal_show_matched_methods_alone(soft):
         ((wording.NOT_ASKED, ""),),
         ((wording.LOOKS[Verdict.AGREES], "8.3"),),
     ]
-    assert view.headline == "1 of 1 motion reaches the digits asked by the engine's best method."
+    assert (
+        view.headline == "1 of 1 motion reaches the digits asked, by the engine's own integrator or else the harness's."
+    )
     assert view.remarkable == []
     assert matrix(soft) == (["soft"], [("swing", ["✓ 8.3"])])
     assert [line.partition(":")[0] for line in legend(soft)] == ["✓ agrees"]

@@ -27,6 +27,9 @@ OTHERS = (
 )
 """Verdicts other than agreement, in the order in which they are told."""
 
+_ASKED = "the digits asked, by the engine's own integrator or else the harness's"
+"""What the method that counts reaches, see `annotations.annotated`."""
+
 Comparisons = Sequence[dict[str, Any]]
 
 
@@ -66,7 +69,7 @@ def headline(record: Record) -> tuple[str, ...]:
     missing = record.header["missing"]
     sentences = (
         *_counted(means, "cell", f"at {places}", ("agrees", "agree")),
-        *_counted(motions, "motion", "the digits asked by the engine's best method", ("reaches", "reach")),
+        *_counted(motions, "motion", _ASKED, ("reaches", "reach")),
         *([f"{counted(len(missing), 'engine')} not available: {', '.join(missing)}"] if missing else ()),
     )
     return sentences or ("nothing was compared",)
