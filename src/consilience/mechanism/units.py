@@ -105,10 +105,10 @@ def own_units(mechanism: Mechanism, time: float = 1.0) -> Units:
 def motion_units(mechanism: Mechanism, times: Array) -> Units:
     """Return the own units of a mechanism with that of a motion with sample times, s.
 
-    The unit of time is near the duration, so that a tolerance of velocities means the same in any units of a case; for
-    an instant alone it is the second.
+    The unit of time is about twice the duration, so that a tolerance of velocities means the same in any units of a
+    case; for an instant alone it is the second.
     """
-    return own_units(mechanism, float(times[-1] - times[0]) or 1.0)
+    return own_units(mechanism, 2.0 * float(times[-1] - times[0]) or 1.0)
 
 
 _SECONDS = re.compile(r"(?<![\w.])(\d[\d.]*(?:e[-+]?\d+)?) s\b")
