@@ -32,7 +32,7 @@ from consilience.cli.commands.mutate import mutate
 from consilience.compare import Verdict
 from consilience.engine import Question
 from consilience.errors import InvalidInput
-from consilience.mechanism import State
+from consilience.mechanism import Initial, JointSpring, State, initial_state
 from mechanisms import chain, states_of
 
 PLANTED = [(mutant, name) for mutant in MUTANTS.values() for name in mutant.hosts]
@@ -61,7 +61,7 @@ def test_every_trap_is_planted_or_has_a_reason():
     planted = {mutant.trap for mutant in MUTANTS.values() if not mutant.harmless and not mutant.unseen}
     assert planted | set(UNPLANTED) == set(TRAPS)
     assert not planted & set(UNPLANTED)
-    assert list(TRAPS) == list(range(1, 29))
+    assert list(TRAPS) == list(range(1, 30))
 
 
 def test_the_table_is_in_order():
@@ -140,6 +140,20 @@ def test_gravity_too_large_shows_as_it_is(engine):
     found = differences("gravity too large", 1e-3, engine, about)
     assert found["accelerations"] == pytest.approx(1e-3, rel=1e-8)
     assert found["reactions"] == pytest.approx(1e-3, rel=1e-8)
+
+
+@pytest.mark.parametrize("engine", HOSTS)
+@pytest.mark.parametrize("name", ["higher coefficients lost", "rest of a spring lost"])
+def test_what_a_spring_loses_shows_in_the_acceleration_of_a_slide(engine, name):
+    """At 0.1 m, with the rest at -0.1 m, the stretch s is 0.2 m, and ``40 s + 50 s^2 + 1000 s^3`` is 8 + 2 + 8 N."""
+    spring = JointSpring("s", "j0", "distance", 40.0, 0.0, -0.1, higher_stiffness=(50.0, 1000.0))
+    mechanism = replace(chain("prismatic", seed=1), joint_springs=(spring,), gravity=np.zeros(3))
+    state = initial_state(mechanism, Initial({"j0": {"distance": 0.1}}))
+    e = 1e-3
+    s = 0.2 - 0.1 * e  # without this part of the rest
+    left = {"higher coefficients lost": 18.0 - 10.0 * e, "rest of a spring lost": 40.0 * s + 50.0 * s**2 + 1e3 * s**3}
+    found = differences(name, e, engine, MutationSubject("slide", mechanism, [state]))
+    assert found["accelerations"] == pytest.approx(1.0 - left[name] / 18.0, rel=1e-8)
 
 
 @pytest.mark.parametrize("engine", HOSTS)

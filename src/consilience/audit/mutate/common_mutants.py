@@ -5,13 +5,19 @@
 
 from __future__ import annotations
 
-from consilience.audit.mutate import inputs, outputs, preconditions
-from consilience.audit.mutate.mutants import FINE, FRACTION, MOTION, WHOLE, Mutant
-from consilience.audit.mutate.mutated import changed
+from consilience.audit.mutate import elements, inputs, outputs, preconditions
+from consilience.audit.mutate.mutants import FINE, FRACTION, MOTION, WHOLE, Mutant, Precondition
+from consilience.audit.mutate.mutated import Planting, changed
 from consilience.audit.mutate.seams import lower_triangle
 from consilience.engine import Question
 
 M, I, T = Question.MODEL, Question.INSTANT, Question.TRAJECTORY
+
+
+def of_elements(kind: str, *fields: str) -> tuple[Planting, Precondition]:
+    """Return the error that loses a part of fields of a kind of elements, and what it acts on."""
+    return changed(mechanism=elements.lost(kind, *fields)), elements.given(kind, *fields)
+
 
 COMMON = (
     # the mechanism and its states
@@ -55,6 +61,20 @@ COMMON = (
            changed(mechanism=inputs.loads_in_other_axes), preconditions.load),
     Mutant(11, "load at the origin", "forces moved towards the origins of the bodies", FINE, FRACTION, I,
            changed(mechanism=inputs.loads_at_the_origin), preconditions.force),
+    Mutant(29, "higher coefficients lost", "of the square and the cube, of springs and dampers in joints", FINE,
+           FRACTION, I, *of_elements("joint_springs", "higher_stiffness", "higher_damping")),
+    Mutant(29, "rest of a spring lost", "the joint coordinate without a force", FINE, FRACTION, I,
+           *of_elements("joint_springs", "rest")),
+    Mutant(29, "free length lost", "of springs between points", FINE, FRACTION, I,
+           *of_elements("springs", "free_length")),
+    Mutant(29, "damping lost", "of springs between points", FINE, FRACTION, I, *of_elements("springs", "damping")),
+    Mutant(29, "actuator lost", "of springs between points", FINE, FRACTION, I, *of_elements("springs", "actuator")),
+    Mutant(29, "Coulomb friction lost", "in joints", FINE, FRACTION, I, *of_elements("frictions", "coulomb")),
+    Mutant(29, "gain lost", "of the deviation, of controllers", FINE, FRACTION, I,
+           *of_elements("controls", "proportional")),
+    Mutant(29, "drive too slow", "the prescribed motion, by a fraction", FINE, FRACTION, I,
+           *of_elements("drives", "motion")),
+    Mutant(29, "ratio of a coupling", "too small by a fraction", FINE, FRACTION, I, *of_elements("couplings", "law")),
     Mutant(25, "gravity too large", "by a fraction; 9.80665 for 9.81 is 3.4e-4",
            (1e-2, 3.4e-4, 1e-8, 1e-10, 1e-11, 1e-12), "of gravity", I, changed(mechanism=inputs.gravity_scaled)),
     Mutant(25, "gravity turned", "from its direction", FINE, "rad", I, changed(mechanism=inputs.gravity_turned)),

@@ -38,6 +38,7 @@ TRAPS: dict[int, str] = {
     26: "sparse or dense, islands, warm start, solver stopped early",
     27: "drift of the engine's interface",
     28: "contacts: partner, point, friction and restitution",
+    29: "elements of which a coefficient or a law is lost in part",
 }
 """Title of each trap by its number, which mutants, reports and docs/detection.md refer to."""
 

@@ -18,7 +18,10 @@ FIRST_SEED = 1000
 BODIES = 5
 """Largest number of bodies of the random mechanisms of mutants: few bodies show an error as well, in less time."""
 
-_SHORT_INSTANTS: tuple[SubjectKey, ...] = ("double_pendulum", "slider_crank", 1000, 1011, 1053)
+_SHORT_INSTANTS: tuple[SubjectKey, ...] = (
+    *("double_pendulum", "nonlinear_springs", "slider_crank"),
+    *(1000, 1011, 1037, 1047, 1053),
+)
 """A few mechanisms that together have what every error acts on."""
 
 _SHORT_CORRECT = 6

@@ -31,8 +31,18 @@ CLEAR = Bars().reaction / (4.0 * EPS)
 """Largest `worst_condition` of a random state that is judged, about 1e5. Bars at this condition are eleven times those
 of well-conditioned equations; `consilience.audit.fuzz` judges states nearer to a singular pose."""
 
-CASES = ("double_pendulum", "four_bar", "rotating_end_pendulum", "slider_crank", "spatial_pendulum")
-"""Shipped cases that mutants are judged on. The simple pendulum, a mass on a string, shows hardly any error."""
+CASES = (
+    "bevel_gears",
+    "double_pendulum",
+    "four_bar",
+    "manipulator",
+    "nonlinear_springs",
+    "rotating_end_pendulum",
+    "slider_crank",
+    "spatial_pendulum",
+)
+"""Shipped cases that mutants are judged on. The simple pendulum, a mass on a string, shows hardly any error; few
+random mechanisms have a drive or a coupling, and their springs are linear."""
 
 MOTIONS = ("double_pendulum", "four_bar")
 """Cases that are asked for trajectories: a tree, and a loop with dependent rows."""

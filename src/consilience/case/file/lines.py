@@ -14,6 +14,8 @@ _KEY = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
 _HEADER = re.compile(rf"\s*\[(?P<many>\[)?\s*(?P<keys>{_KEY}(?:\s*\.\s*{_KEY})*+)\s*\]")
 _FIELD = re.compile(rf"\s*(?P<keys>{_KEY}(?:\s*\.\s*{_KEY})*+)\s*=")
 _TOKEN = re.compile(r"\"\"\"|'''|\"(?:\\.|[^\"\\])*+\"|'[^']*+'|[#\[\]{}]")
+_QUOTE_OR_COMMENT = re.compile("[\"'#]")
+_BRACKETS = {"[": 1, "{": 1, "]": -1, "}": -1}
 _PLACE = re.compile(r"'(?P<name>[^']*)'|\[(?P<index>\d+)\]|(?P<key>\w+)")
 
 _TABLES = {"load": ("force", "torque")}
@@ -79,6 +81,9 @@ def _beginnings(text: str) -> Iterator[tuple[int, str]]:
     for number, line in enumerate(text.split("\n"), start=1):
         if not quote and not depth:
             yield number, line
+        if not quote and not _QUOTE_OR_COMMENT.search(line):
+            depth += sum(step * line.count(bracket) for bracket, step in _BRACKETS.items())
+            continue
         at = 0
         while at < len(line):
             if quote:
@@ -90,7 +95,7 @@ def _beginnings(text: str) -> Iterator[tuple[int, str]]:
                 break
             at = token.end()
             quote = token[0] if token[0] in ('"""', "'''") else ""
-            depth += {"[": 1, "{": 1, "]": -1, "}": -1}.get(token[0], 0)
+            depth += _BRACKETS.get(token[0], 0)
 
 
 def _keys(dotted: str) -> list[str]:
