@@ -63,7 +63,7 @@ def test_an_entry_is_a_rule_three_lines_and_places(entry):
         ("armature", {Topic.TRAP}),
         ("native, extrapolated", {Topic.ROUTE}),
         ("lyapunov", None),
-        ("29", None),
+        ("30", None),
         ("", None),
     ],
 )
