@@ -83,17 +83,17 @@ def check_motion(
     Raises
     ------
     NumericalFailure
-        With the time, the row and its residual.
+        With the time, the row, and its residual over its size.
     """
     found, A = np.zeros(TURNS + 2 * len(model.coupling)), np.empty((len(model.mass), 3, 3))
     n = first_violation(rows, times, states, A, max(tolerance, CONSISTENT), found)
     if n < 0:
         return
-    _, row, level, size = found[:SPEED]
+    ratio, row, level, _ = found[:SPEED]  # a residual would count units of a motion, see `motion_units`
     what = "" if level == POSITION else "the rate of "
     raise NumericalFailure(
-        f"{label}: at t = {times[n]:.6g} s {what}{_row_name(mechanism, model, int(row))} stays wrong by {size:.3g}: "
-        "the constraints contradict each other there, or the mechanism locks"
+        f"{label}: at t = {times[n]:.6g} s {what}{_row_name(mechanism, model, int(row))} stays wrong by {ratio:.3g} "
+        "of its size: the constraints contradict each other there, or the mechanism locks"
     )
 
 
