@@ -26,7 +26,8 @@ from consilience.compare.judge import REFERENCE
 from consilience.compare.motion import difference_over_time, size_of_motion
 from consilience.engine import Profile, Question, installed, load_engine
 from consilience.engine.worker.client import InProcessEngine
-from consilience.mechanism import Frame, Initial, Units, in_units
+from consilience.errors import NumericalFailure
+from consilience.mechanism import Frame, Initial, Units, in_units, telling_seconds
 from consilience.suite import QUICK, Thoroughness, ask_ladder, run_suite
 from consilience.suite.engine_runs import EngineCase, levels_of, open_plan
 
@@ -231,6 +232,15 @@ def test_a_reference_motion_in_units_by_powers_of_two_is_the_same_to_the_last_bi
     back = units.inverse.convert(motions[1])
     np.testing.assert_array_equal(back.p_WB, motions[0].p_WB)
     np.testing.assert_array_equal(back.v_WB_W, motions[0].v_WB_W)
+
+
+def test_a_failure_tells_its_times_in_seconds_and_leaves_names_and_other_numbers():
+    """In units of 1/8 s; a step of 2.4e-7 of them is 3e-8 s."""
+    told = "steps of 2.4e-07 s: at t = 12.8000000016 s joint '3 s' stays wrong by 4e-05 of its size"
+    with pytest.raises(NumericalFailure) as found, telling_seconds(Units(time=8.0)):
+        raise NumericalFailure(told)
+    right = "steps of 3e-08 s: at t = 1.6000000002 s joint '3 s' stays wrong by 4e-05 of its size"
+    assert str(found.value) == right
 
 
 def excuse(case, lines, binary, engines, how):

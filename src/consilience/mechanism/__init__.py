@@ -102,7 +102,13 @@ from consilience.mechanism.observables import (
     world_inertias,
 )
 from consilience.mechanism.parameter_effects import ParameterEffects
-from consilience.mechanism.perturbation import Perturbation, PhysicalParameter, physical_parameters
+from consilience.mechanism.perturbation import (
+    Perturbation,
+    PhysicalParameter,
+    coefficient_acts,
+    physical_parameters,
+    scaled_coefficient,
+)
 from consilience.mechanism.rates import fastest_rate, frictions_too_steep, rough_dampers, turning_rate
 from consilience.mechanism.singular import first_singular, is_singular, move
 from consilience.mechanism.solids import Solid, ball, bar, block
@@ -208,6 +214,7 @@ __all__ = [
     "characteristic_length",
     "check_inertia",
     "closing_rows",
+    "coefficient_acts",
     "conservative_part",
     "constant",
     "constraint_gamma",
@@ -293,6 +300,7 @@ __all__ = [
     "row_sizes",
     "row_target",
     "row_value",
+    "scaled_coefficient",
     "scaled_jacobian",
     "shapes_in_words",
     "sharing_rows",

@@ -18,10 +18,10 @@ from consilience.errors import CannotAssemble
 from consilience.mechanism.assembly import assemble_positions, assemble_velocities
 from consilience.mechanism.bodies import Frame
 from consilience.mechanism.constraints import free_directions
-from consilience.mechanism.functions import Function, Table
+from consilience.mechanism.functions import Function
 from consilience.mechanism.model import GROUND, Joint, Mechanism, State
 from consilience.mechanism.spatial import Array, quaternion_from_rotation_vector, rotation_from_quaternion
-from consilience.mechanism.units import characteristic_length
+from consilience.mechanism.units import characteristic_length, rescaled
 
 GRAVITY, MASS, INERTIA, PLACE, AXIS, COEFFICIENT = KINDS = (
     "gravity",
@@ -127,23 +127,25 @@ def physical_parameters(mechanism: Mechanism, start: State) -> Iterator[Physical
             for name in names:
                 value, whose = getattr(element, name), f"{group.removesuffix('s').replace('_', ' ')} '{element.name}'"
                 for entry in range(len(value)) if isinstance(value, tuple) else (None,):
-                    if _acts(value if entry is None else value[entry]):
+                    if coefficient_acts(value if entry is None else value[entry]):
                         of = name.replace("_", " ") + ("" if entry is None else f"[{entry}]") + f" of {whose}"
                         yield PhysicalParameter(COEFFICIENT, of, n, _of(group, n, name, entry), group in _MOVING)
 
 
-def _acts(value: Any) -> bool:
-    """Whether a coefficient is there and is not zero."""
+def coefficient_acts(value: Any) -> bool:
+    """Whether a coefficient, several of them or a law is there and is not zero."""
     if isinstance(value, Function):
         return value.table is not None or bool(np.any(value.polynomial)) or bool(np.any(value.harmonics[:, 0]))
     return value is not None and bool(np.any(value))
 
 
-def _scaled(value: Any, factor: float) -> Any:
-    if not isinstance(value, Function):
-        return factor * value
-    table = value.table and Table(value.table.x, factor * value.table.y, value.table.periodic)
-    return Function(factor * value.polynomial, value.harmonics * (factor, 1.0, 1.0), table)
+def scaled_coefficient(value: Any, factor: float) -> Any:
+    """Multiply a coefficient, several of them or a law by a factor; None stays None."""
+    if isinstance(value, Function):
+        return rescaled(value, factor, 1.0)
+    if isinstance(value, tuple):
+        return tuple(factor * one for one in value)
+    return None if value is None else factor * value
 
 
 def _of(group: str, n: int, name: str, entry: int | None = None) -> Callable[[Mechanism, float], Mechanism]:
@@ -155,7 +157,11 @@ def _of(group: str, n: int, name: str, entry: int | None = None) -> Callable[[Me
     def change(mechanism: Mechanism, size: float) -> Mechanism:
         parts = list(getattr(mechanism, group))
         old, factor = getattr(parts[n], name), 1.0 - size
-        new = _scaled(old, factor) if entry is None else tuple(x * factor ** (k == entry) for k, x in enumerate(old))
+        new = (
+            scaled_coefficient(old, factor)
+            if entry is None
+            else tuple(x * factor ** (k == entry) for k, x in enumerate(old))
+        )
         parts[n] = replace(parts[n], **{name: new})
         return replace(mechanism, **{group: tuple(parts)})  # type: ignore[arg-type]
 

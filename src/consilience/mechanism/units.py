@@ -111,8 +111,8 @@ def motion_units(mechanism: Mechanism, times: Array) -> Units:
     return own_units(mechanism, 2.0 * float(times[-1] - times[0]) or 1.0)
 
 
-_SECONDS = re.compile(r"(?<![\w.])(\d[\d.]*(?:e[-+]?\d+)?) s\b")
-"""A time in the message of a failure."""
+_SECONDS = re.compile(r"'[^']*'|(?<![\w.])(\d[\d.]*(?:e[-+]?\d+)?) s\b")
+"""A time in the message of a failure, or a name in quotes, which stays."""
 
 
 @contextmanager
@@ -120,6 +120,8 @@ def telling_seconds(units: Units) -> Iterator[None]:
     """Tell the times in the message of a failure in these units in seconds."""
 
     def in_seconds(time: re.Match[str]) -> str:
+        if time[1] is None:
+            return time[0]
         digits = max(6, sum(map(str.isdigit, time[1].partition("e")[0])))
         return f"{float(time[1]) / units.time:.{digits}g} s"
 

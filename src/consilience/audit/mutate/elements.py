@@ -9,11 +9,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from consilience.audit.mutate.mutants import Precondition
-from consilience.audit.mutate.subjects import MutationSubject
-from consilience.mechanism import Function, Mechanism
+from consilience.mechanism import Mechanism, coefficient_acts, scaled_coefficient
 
 
 def lost(kind: str, *fields: str) -> Callable[[Mechanism, float], Mechanism]:
@@ -22,7 +19,7 @@ def lost(kind: str, *fields: str) -> Callable[[Mechanism, float], Mechanism]:
     def change(mechanism: Mechanism, magnitude: float) -> Mechanism:
         elements: dict[str, Any] = {
             kind: tuple(
-                replace(one, **{field: _left(getattr(one, field), 1.0 - magnitude) for field in fields})
+                replace(one, **{field: scaled_coefficient(getattr(one, field), 1.0 - magnitude) for field in fields})
                 for one in getattr(mechanism, kind)
             )
         }
@@ -31,21 +28,8 @@ def lost(kind: str, *fields: str) -> Callable[[Mechanism, float], Mechanism]:
     return change
 
 
-def _left(value: Any, share: float) -> Any:
-    """Return a share of a number, of numbers or of a function; None stays None."""
-    if value is None:
-        return None
-    if isinstance(value, Function):
-        table = None if value.table is None else replace(value.table, y=share * value.table.y)
-        return Function(share * value.polynomial, value.harmonics * [share, 1.0, 1.0], table)
-    return tuple(share * one for one in value) if isinstance(value, tuple) else share * value
-
-
 def given(kind: str, *fields: str) -> Precondition:
     """Require an element of a kind of which one of these fields is neither zero nor left out."""
-
-    def holds(subject: MutationSubject) -> bool:
-        values = [getattr(one, field) for one in getattr(subject.mechanism, kind) for field in fields]
-        return any(value is not None and (isinstance(value, Function) or bool(np.any(value))) for value in values)
-
-    return holds
+    return lambda subject: any(
+        coefficient_acts(getattr(one, field)) for one in getattr(subject.mechanism, kind) for field in fields
+    )
