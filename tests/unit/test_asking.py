@@ -25,7 +25,7 @@ from consilience.engine import (
 )
 from consilience.engine.worker.client import Reply
 from consilience.engine.worker.requests import Plan
-from consilience.mechanism import GROUND, Initial, JointSpring, SpherePlane
+from consilience.mechanism import GROUND, Body, Frame, Initial, Joint, JointSpring, Mechanism, SpherePlane
 from consilience.suite.engine_runs import EngineCase
 from mechanisms import chain
 from situations import MECHANISM, SHAPE, SITUATIONS, SIZE, TIMES, TRUE, Situation, motion
@@ -121,6 +121,27 @@ def test_a_softness_that_leads_to_the_law_at_rest_alone_is_not_varied_where_the_
     for at_rest in (True, False):
         _, scales = asked(lambda h, s: h**2 + 1e-2 * s, soft=True, yard=yard, case=case, soft_at_rest=at_rest)
         assert bool(scales) == (other or not at_rest)
+
+
+@pytest.mark.parametrize(
+    ("inertia", "center", "excepted"),
+    [
+        ((0.4, 0.4, 0.4), (0.1, -0.2, 0.3), True),
+        ((0.4, 0.4, 0.401), (0.1, -0.2, 0.3), False),
+        ((0.4, 0.4, 0.4), (0.1, -0.2, 0.301), False),
+    ],
+    ids=["even ball", "uneven inertia", "off its centre"],
+)
+def test_a_cone_that_lifts_what_slides_pushes_an_even_ball_along_its_slip_alone(inertia, center, excepted):
+    center, zero = np.array(center), np.zeros(3)
+    here = Frame(zero, np.eye(3))
+    ball = Body("ball", 1.0, np.array([0.1, -0.2, 0.3]), np.diag(inertia), here)
+    floor = SpherePlane("floor", "ball", center, 0.1, GROUND, zero, np.array([2.0, -1.0, 2.0]), friction=0.3)
+    free = Joint("free", "free", GROUND, "ball", here, here)
+    mechanism = Mechanism("ball", np.array([0.0, 0.0, -9.81]), (ball,), (free,), contacts=(floor,))
+    slides = np.full((len(TIMES), 1), CONTACT_MODES.index("sliding"))
+    motion = replace(YARD, answer=replace(TRUE, contact_mode=slides))
+    assert motion.slides_or_hits(mechanism) != excepted
 
 
 def test_an_order_that_does_not_settle_is_followed_to_the_end():

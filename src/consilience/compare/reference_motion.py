@@ -11,12 +11,15 @@ from consilience.compare.horizon import judged_samples
 from consilience.compare.motion import state_at
 from consilience.compare.power import MotionSensitivity
 from consilience.engine import EVENT_KINDS, TrajectoryAnswer
-from consilience.mechanism import Array, Mechanism, State, fastest_rate, first_singular
+from consilience.mechanism import Array, Mechanism, SpherePlane, State, fastest_rate, first_singular
 
 IMPACT, CLOSES, OPENS, SLIPS = (EVENT_KINDS.index(kind) for kind in ("impact", "closes", "opens", "slips"))
 
 SLIDING = 1
 """Contact mode of a contact that slides (`TrajectoryAnswer.contact_mode`)."""
+
+_EVEN = 1e-9
+"""Relative difference of inertias, and distance of a centre, that count as none."""
 
 _SAMPLED = (
     *("time", "p_WB", "quat_WB", "v_WB_W", "w_WB_W"),
@@ -35,6 +38,18 @@ def up_to_shortest(answers: Sequence[TrajectoryAnswer]) -> list[TrajectoryAnswer
     """Return the samples that all motions have: an engine that fails at a singular pose has answered up to there."""
     count = min(len(answer.time) for answer in answers)
     return [first_samples(answer, count) for answer in answers]
+
+
+def _is_even_ball(mechanism: Mechanism) -> bool:
+    """Whether all is one ball on fixed ground, of the same inertia about all axes through its centre.
+
+    Then normal forces move the contact along the normal alone, and friction moves it alike along all tangents.
+    """
+    if len(mechanism.bodies) > 1 or len(mechanism.contacts) > 1 or not isinstance(mechanism.contacts[0], SpherePlane):
+        return False
+    ball, body = mechanism.contacts[0], mechanism.bodies[0]
+    even = np.allclose(body.inertia, body.inertia[0, 0] * np.eye(3), rtol=_EVEN, atol=_EVEN * body.inertia[0, 0])
+    return bool(even) and bool(np.linalg.norm(ball.center - body.com) <= _EVEN * ball.radius)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,12 +139,16 @@ class ReferenceMotion:
         return np.zeros(0) if kinds is None or times is None else np.asarray(times)[np.asarray(kinds) != IMPACT]
 
     def slides_or_hits(self, mechanism: Mechanism) -> bool:
-        """Whether a contact slides with friction at a sample, slips between samples, or bodies hit one another."""
+        """Whether a contact slides with friction at a sample, slips between samples, or bodies hit one another.
+
+        A ball that slides by `_is_even_ball` does not count: what a convex cone lifts there falls back, and steps that
+        vanish leave it on the plane, pressed by its weight on average, with friction against its slip.
+        """
         modes, kinds = self.answer.contact_mode, self.answer.event_kind
         rough = [contact.friction > 0.0 for contact in mechanism.contacts]
         sliding = modes is not None and bool(np.any(np.asarray(modes)[:, rough] == SLIDING))
         begins = kinds is not None and bool(np.any(np.isin(np.asarray(kinds), (IMPACT, SLIPS))))
-        return sliding or begins
+        return begins or (sliding and not _is_even_ball(mechanism))
 
     def since_departures(self, end: float) -> float:
         """Return the sum of the times since contacts opened or slips on them reversed, s.

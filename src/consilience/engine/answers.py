@@ -121,7 +121,8 @@ class Method:
         reference depends on the regularisation.
     soft_at_rest : bool
         Whether the softness leads to the case's law only where nothing slides with friction and nothing hits, as of
-        convex cones, which lift what slides however hard they are. Elsewhere no other softness is asked.
+        convex cones, which lift what slides however hard they are. Elsewhere no other softness is asked, but of a
+        single ball of even inertia that slides on the ground.
     contact_law : str
         Which law of contact the method solves, in plain words: ``circle``, ``pyramid of 4 facets along ...``.
     law : ContactLaw or None
