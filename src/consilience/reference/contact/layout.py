@@ -9,7 +9,7 @@ mechanism declares: contacts, then stops, then dry frictions.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -168,6 +168,7 @@ def not_covered(mechanism: Mechanism) -> tuple[str, ...]:
     )
 
 
+@lru_cache(maxsize=8)  # one mechanism from many states
 def layout_of(mechanism: Mechanism) -> RowLayout:
     """Lay out the rows of a mechanism's contacts, stops and dry frictions.
 
