@@ -63,6 +63,8 @@ def runs_under_other_laws(
     if not isinstance(plan, Plan):
         return
     for question, law in asked:
+        if not plan.methods.get(question):  # the case is none of the reference's
+            continue
         method = replace(plan.methods[question][0], law=law)
         subject = with_law(case.mechanism, law), case.states if question.at_states else [case.initial_state]
         levels = levels_of(case, question, method)

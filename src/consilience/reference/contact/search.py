@@ -108,6 +108,8 @@ class ModeSearch:
         for one in self.all(found) if all_tried else self._elsewhere(found):
             if all(self.differs(one, other) for other in (found, *others)):
                 others.append(one)
+        if self.family is not None and self.differs(found, self.family):
+            raise self.failure()
         return found, tuple(others), False if others else True if all_tried else None
 
     def _elsewhere(self, found: ModeSolution) -> Iterator[ModeSolution]:
@@ -179,12 +181,13 @@ class ModeSearch:
         """
         if not solved.consistent or not (solved.singular or self._moves_right(solved)):
             return None
-        if solved.undetermined.shape[1]:
-            solved = replace(solved, force=admissible_force(self.problem, solved, partial(self._margin, solved)))
-        if solved.singular:
-            solved = replace(solved, acceleration=self.problem.acceleration(solved.force))
+        if solved.singular:  # the force of least norm may be that without what is left open
+            force = self._margin(solved).force
+            solved = replace(solved, force=force, acceleration=self.problem.acceleration(force))
             if not self._moves_right(solved):
                 return None
+        elif solved.undetermined.shape[1]:
+            solved = replace(solved, force=admissible_force(self.problem, solved, partial(self._margin, solved)))
         missed = np.abs(residual(self.problem, solved.force, solved.acceleration))
         worst = int(np.argmax(missed)) if len(missed) else 0
         if len(missed) and missed[worst] < self.best[0]:

@@ -4,7 +4,8 @@ With the columns S and rows E of the modes in which all is closed and what does 
 solutions that differ by x: each normal row contributes ``dN du <= 0`` to ``x . M x``, and each friction set that does
 not slide at most ``mu |dN| |dw|``, w being its acceleration, by maximal dissipation. So there is one solution if
 
-- no friction depends on a force that itself depends on friction (M symmetric, or no entry from friction to normals), or
+- no friction depends on a force that itself depends on friction (M symmetric, or no entry from friction to normals),
+  nor on one that M leaves open, or
 - only normals are open and M is a P-matrix (Cottle, Pang and Stone 1992), or
 - the symmetric part H of M is positive definite and ``sum mu |dN| |dw| < x . H x`` for all x, by norms of the
   factors ``mu N H^-1/2`` and ``M_w H^-1/2``.
@@ -15,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from consilience.mechanism import Array
-from consilience.reference.contact.mode_system import RANK, columns_and_rows
+from consilience.reference.contact.mode_system import RANK, columns_and_rows, solve_with_modes
 from consilience.reference.contact.problem import ContactProblem
 
 _MOST = 8
@@ -35,9 +36,9 @@ def proven_unique(problem: ContactProblem) -> bool:
     if any(problem.friction[j].static > problem.friction[j].kinetic for j in held):
         return False
     loaded = [j for j in held if problem.friction[j].load is not None]
-    symmetric = np.max(np.abs(M - M.T)) <= RANK and float(np.linalg.eigvalsh(M)[0]) > -RANK
-    if symmetric and (not loaded or np.max(np.abs(M[:n, n:])) < RANK):
-        return True
+    least = float(np.linalg.eigvalsh(M)[0]) if np.max(np.abs(M - M.T)) <= RANK else -np.inf
+    if least > -RANK and (not loaded or np.max(np.abs(M[:n, n:])) < RANK):
+        return least > RANK or (not loaded and not solve_with_modes(problem, modes).singular)
     if not loaded and len(E) == n:
         return _is_p_matrix(M)
     return _gain(problem, M, size, held) < 1.0
