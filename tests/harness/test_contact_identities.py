@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from consilience.audit.identities import check
 from consilience.audit.identities.check import CONTACT_IDENTITIES, check_case
 from consilience.audit.identities.contact import gauge
-from consilience.audit.identities.result import IdentityOutcome
+from consilience.audit.identities.result import IdentityOutcome, NotApplicableError
 from consilience.case import load_case
 from consilience.cli.main import app
 from consilience.engine import Profile, Question, load_engine
@@ -175,3 +176,9 @@ def test_what_the_cones_allow_is_the_least_normal_force_of_each():
     assert gauge(Cone(), force) == pytest.approx([5.0, 3.0])
     assert gauge(Cone("box"), force) == pytest.approx([4.0, 3.0])
     assert gauge(Cone("pyramid", 4), force) == pytest.approx([7.0, 3.0])
+
+
+def test_an_identity_that_no_state_has_is_not_applicable():
+    """As of a contact that an associated cone lifts off at every state."""
+    found = check._measured(lambda subject: iter(()), None)
+    assert isinstance(found, NotApplicableError)

@@ -27,7 +27,7 @@ from consilience.compare.motion import difference_over_time, size_of_motion
 from consilience.engine import Profile, Question, installed, load_engine
 from consilience.engine.worker.client import InProcessEngine
 from consilience.errors import NumericalFailure
-from consilience.mechanism import Frame, Initial, Units, in_units, telling_seconds
+from consilience.mechanism import Frame, Initial, Units, in_units, telling_si
 from consilience.suite import QUICK, Thoroughness, ask_ladder, run_suite
 from consilience.suite.engine_runs import EngineCase, levels_of, open_plan
 
@@ -234,12 +234,14 @@ def test_a_reference_motion_in_units_by_powers_of_two_is_the_same_to_the_last_bi
     np.testing.assert_array_equal(back.v_WB_W, motions[0].v_WB_W)
 
 
-def test_a_failure_tells_its_times_in_seconds_and_leaves_names_and_other_numbers():
-    """In units of 1/8 s; a step of 2.4e-7 of them is 3e-8 s."""
+def test_a_failure_tells_its_amounts_in_si_units_and_leaves_names_and_other_numbers():
+    """In units of 1/4 m, 2 kg and 1/8 s: a step of 2.4e-7 of them is 3e-8 s, a speed of 2 is 4 m/s."""
     told = "steps of 2.4e-07 s: at t = 12.8000000016 s joint '3 s' stays wrong by 4e-05 of its size"
-    with pytest.raises(NumericalFailure) as found, telling_seconds(Units(time=8.0)):
-        raise NumericalFailure(told)
+    told += "; closes at 2 m/s, A = -0.852112535298 1/kg, B = -8 m/s^2, 4 N m, 4 N, 3 rad/s, 3 feet"
     right = "steps of 3e-08 s: at t = 1.6000000002 s joint '3 s' stays wrong by 4e-05 of its size"
+    right += "; closes at 4 m/s, A = -0.426056267649 1/kg, B = -128 m/s^2, 32 N m, 128 N, 24 rad/s, 3 feet"
+    with pytest.raises(NumericalFailure) as found, telling_si(Units(4.0, 0.5, 8.0)):
+        raise NumericalFailure(told)
     assert str(found.value) == right
 
 

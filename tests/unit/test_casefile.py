@@ -501,6 +501,8 @@ digits = 8
         ("friction = 0.5", 'associated = "yes"', r"contact 'floor'.associated: input should be a valid boolean"),
         ("friction = 0.5", 'cone = "circle"', r"contact 'floor'.cone: it is a table; give { kind = .circle. }"),
         ("friction = 0.5", "compliance = 1e4", r"contact 'floor'.compliance: it is a table; give { stiffness = 1e4,"),
+        ("half_sizes = [0.2, 0.2, 0.1]", "axis = [0, 0, 1]\nradius = 0.0", r"'floor': give a radius above zero"),
+        ("half_sizes = [0.2, 0.2, 0.1]", "to = [0, 0, 0.1]\nradius = 0.1", r"the ends of the capsule coincide"),
     ],
 )
 def test_a_text_that_looks_like_a_number_is_none_and_a_law_that_is_a_table_says_so(write, valid, given, message):
@@ -512,6 +514,7 @@ def test_a_text_that_looks_like_a_number_is_none_and_a_law_that_is_a_table_says_
 def test_each_element_with_a_problem_is_named_where_the_mechanism_as_a_whole_has_one(write):
     force = '[[force]]\nname = "f"\nbody = "ground"\nvector = [1.0, 0.0, 0.0]\nframe = "world"\nat = [0.0, 0.0, 0.0]\n'
     spring = '[[joint_spring]]\nname = "%s"\njoint = "%s"\ncoordinate = "%s"\nstiffness = 1.0\n'
+    dry = '[[dry_friction]]\nname = "d"\njoint = "hinge"\ncoordinate = "angle"\nbound = -0.1\n'
     right, wrong = spring % ("u", "hinge", "angle"), spring % ("t", "hinge", "distance")
     first = GOOD.count("\n") + 1
     with pytest.raises(InvalidCase) as caught:
@@ -520,6 +523,25 @@ def test_each_element_with_a_problem_is_named_where_the_mechanism_as_a_whole_has
         (f"door.toml:{first}: joint spring 's'", "there is no joint 'hing'"),
         (f"door.toml:{first + 11}: joint spring 't'", "a revolute joint has no 'distance'"),
     ]
+    with pytest.raises(InvalidCase, match=rf"door.toml:{first + 4}: dry friction 'd': bound: -0.1 is negative"):
+        load_file(write(GOOD + dry))
+
+
+def test_what_strikes_at_the_start_has_no_instant_there(write):
+    """An impact has no accelerations: random states take the place of the initial one, and slide or rest."""
+    (rests,), (strikes,) = (
+        load_file(write(BLOCK + f"[initial.bodies.block]\nvelocity = [0.3, 0.0, {v}]\n")) for v in (0.0, -1.0)
+    )
+    assert len(rests.states) == len(strikes.states) == rests.instants
+    assert rests.states[0].v_WB_W[0, 2] == 0.0
+    assert strikes.initial_state.v_WB_W[0, 2] == -1.0
+    assert max(abs(state.v_WB_W[0, 2]) for state in strikes.states) < 1e-12
+
+
+def test_random_states_slide_though_the_samples_of_a_case_are_far_apart(write):
+    """Slips of 1e-9 of what a fall leads to are rest for one engine and slip for another."""
+    (slow,) = load_file(write(BLOCK.replace("sample = 0.05", "sample = 1e7").replace("= 0.5\ns", "= 1e7\ns")))
+    assert max(np.linalg.norm(state.v_WB_W[0]) for state in slow.states) > 1e-6 * np.sqrt(9.81)
 
 
 def test_a_case_without_sources_is_one(write):

@@ -103,6 +103,17 @@ def test_bad_input_is_one_message_exit_code_2_and_no_traceback(folder, name):
         assert text in done.stderr
 
 
+def test_cases_that_cannot_be_read_cost_no_other_its_answer(folder):
+    (folder / "spoilt.toml").write_text(GOOD.replace("mass = 2.0", "mass = -2.0"))
+    names = ("spoilt.toml", "pendulum.toml", "no.toml")
+    done = called("run", *names, "-e", "reference", "-q", "model", "-o", "some", cwd=folder)
+    assert done.returncode == 2
+    assert "spoilt.toml" in done.stderr
+    assert "no.toml: it cannot be read" in done.stderr
+    records = [json.loads(line) for line in (folder / "some" / "report.jsonl").read_text().splitlines()]
+    assert [(r["case"], r["status"]) for r in records if r["record"] == "run"] == [("pendulum", "answered")]
+
+
 SPOILT = {
     "mass": ("mass = 2.0", "mass = -2.0", ("pendulum.toml", "bob", "mass")),
     "field": ("mass = 2.0", "mass = 2.0\nweight = 1", ("pendulum.toml", "body 'bob'.weight", "unknown field")),

@@ -16,7 +16,7 @@ from consilience.compare import Verdict
 from consilience.compare.rules import INSTANT_RULES, RULES
 from consilience.engine import Profile, Question, Route
 from consilience.errors import InvalidInput
-from consilience.report.wording import CAUSES
+from consilience.report.wording import AT_DEFAULTS, CAUSES, LOOKS
 from pages import ROOT
 from situations import SITUATIONS
 
@@ -32,6 +32,12 @@ def test_everything_that_reports_name_is_explained():
     assert names(Topic.QUESTION) == {str(question) for question in Question}
     assert {situation.rule for situation in SITUATIONS} | set(CAUSES) <= names(Topic.RULE)
     assert len(names(Topic.TERM)) >= 25
+
+
+@pytest.mark.parametrize("look", [*LOOKS.values(), AT_DEFAULTS], ids=lambda look: look.name)
+def test_the_words_of_a_report_for_a_verdict_lead_to_it(look):
+    (entry,) = find_explanations(look.name)
+    assert (entry.kind, entry.name) == (Topic.VERDICT, look.verdict)
 
 
 def test_rules_and_traps_are_those_of_the_code():

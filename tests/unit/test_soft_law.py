@@ -5,13 +5,16 @@ from dataclasses import replace
 
 import pytest
 
+from consilience.case import load_case
 from consilience.compare.evidence import EXPLAINED, OTHER_LAW, Evidence
 from consilience.compare.result import Verdict
 from consilience.compare.rules import decide
 from consilience.compare.softness import Softness
-from consilience.engine import Method, Question, Route, Run, Status
+from consilience.engine import Manifest, Method, Question, Route, Run, Status
+from consilience.engine.worker.client import Reply
+from consilience.engine.worker.requests import Plan
 from consilience.mechanism import ContactLaw, Regularisation
-from consilience.suite.other_laws import laws_to_solve
+from consilience.suite.other_laws import laws_to_solve, runs_under_other_laws
 
 FINEST = 1e-3
 SOFT = Evidence(
@@ -66,3 +69,18 @@ def test_the_reference_is_asked_with_the_soft_law_where_the_softness_was_varied(
         Run("c", "e", Question.TRAJECTORY, replace(method, softness=s), 0, 0.1, Status.ANSWERED, None) for s in softness
     ]
     assert laws_to_solve(runs) == [(Question.TRAJECTORY, LAW)] * count
+
+
+def test_a_case_that_the_reference_refuses_is_not_asked_of_it_with_another_law():
+    """An engine that answers such a case, and declares its law, must not cost other cases their answers."""
+
+    class Reference:
+        engine = "reference"
+
+        def ask(self, request):
+            assert request.question is None, "a question that the plan refuses was asked"
+            return Reply(Plan({Question.TRAJECTORY: ()}, {}, Manifest()), False, "", 0.0)
+
+    method = Method("m", Route.NATIVE, 1, (10, 20, 40), law=LAW)
+    runs = [Run("c", "e", Question.TRAJECTORY, method, 0, 0.1, Status.ANSWERED, None)]
+    assert list(runs_under_other_laws(Reference(), load_case("ball_slips"), runs)) == []

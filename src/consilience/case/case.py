@@ -20,12 +20,14 @@ from consilience.mechanism import (
     Initial,
     Mechanism,
     State,
+    characteristic_length,
     fastest_rate,
     initial_state,
     random_states,
     refuse_flat_discs,
     refuse_overlap,
     require_states,
+    strikes,
 )
 
 _OF_TIME = {
@@ -39,6 +41,9 @@ _OF_TIME = {
 
 TENTH = 0.1
 """Angle in rad that a random velocity turns a body in one sample: as fast as the samples resolve well."""
+
+_SLOWEST = 1e-4
+"""Least speed of random states, over that of falling by the mechanism's length: below it slip and rest are one."""
 
 LARGEST_MOTION = 2_000_000
 """Largest number of samples times bodies of a trajectory: an answer of 200 MB."""
@@ -65,7 +70,8 @@ class Case:
     digits : int
         Correct digits that a trajectory should have.
     instants : int
-        Number of states of the question `instant`: the initial state, then random consistent states of `seed`.
+        Number of states of the question `instant`: the initial state, unless something strikes there, then random
+        consistent states of `seed`.
     published : tuple of Published
         Expected values.
     """
@@ -150,9 +156,16 @@ class Case:
 
     @cached_property
     def states(self) -> list[State]:
-        """States of the question `instant`."""
+        """States of the question `instant`: the initial one, unless something strikes there, then random ones."""
         start = self.initial_state
-        return [start, *random_states(self.mechanism, start, self.instants - 1, self.seed, TENTH / self.sample)]
+        first = [] if strikes(self.mechanism, start) else [start]
+        return [*first, *random_states(self.mechanism, start, self.instants - len(first), self.seed, self._speed)]
+
+    @property
+    def _speed(self) -> float:
+        """Speed of random states, characteristic lengths per s: a tenth in a sample, or what gravity leads to soon."""
+        falling = np.linalg.norm(self.mechanism.gravity) / characteristic_length(self.mechanism)
+        return max(TENTH / self.sample, _SLOWEST * float(np.sqrt(falling)))
 
     @cached_property
     def undrawn(self) -> str:

@@ -87,6 +87,31 @@ def chosen_cases(names: list[str] | None) -> list[Case]:
     return [case for name in names for case in load_cases(name)] if names else shipped_cases()
 
 
+def sound_cases(names: list[str] | None) -> tuple[list[Case], list[InvalidInput]]:
+    """Load the named cases that can be read, all shipped ones if none is named, with what is wrong with the others.
+
+    Raises
+    ------
+    InvalidInput
+        If none can be read.
+    """
+    from consilience.case import load_cases, shipped_cases
+    from consilience.case.file.problems import InvalidCase
+
+    if not names:
+        return shipped_cases(), []
+    found: list[Case] = []
+    refused: list[InvalidInput] = []
+    for name in names:
+        try:
+            found += load_cases(name)
+        except InvalidInput as error:
+            refused.append(error)
+    if not found:
+        raise refused[0] if len(refused) == 1 else InvalidCase(refused)
+    return found, refused
+
+
 def tagged_cases(cases: list[Case], tags: list[str] | None) -> list[Case]:
     """Choose the cases that have one of the tags, or whose group has that name.
 

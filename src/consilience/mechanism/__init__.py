@@ -40,6 +40,7 @@ from consilience.mechanism.contact_geometry import (
     refuse_flat_discs,
     refuse_overlap,
     sharing_rows,
+    strikes,
 )
 from consilience.mechanism.contact_laws import Compliance, Cone, ContactLaw, Regularisation, SurfaceLaw
 from consilience.mechanism.contacts import (
@@ -142,7 +143,7 @@ from consilience.mechanism.units import (
     kept_in_units,
     motion_units,
     own_units,
-    telling_seconds,
+    telling_si,
 )
 
 __all__ = [
@@ -311,7 +312,8 @@ __all__ = [
     "spring_damper_law",
     "spring_force",
     "states_in_motion",
-    "telling_seconds",
+    "strikes",
+    "telling_si",
     "through",
     "to_elementary_tree",
     "turning_rate",

@@ -168,6 +168,9 @@ def coordinate_row(mechanism: Mechanism, state: State, joint: str, coordinate: s
 TOUCHING = 1e-10
 """Largest gap, and largest overlap, of a closed contact, over the characteristic length of the mechanism."""
 
+_APPROACHES = 1e-9
+"""Least rate of what approaches, over the fastest velocity."""
+
 
 def refuse_flat_discs(mechanism: Mechanism, state: State) -> None:
     """Refuse a state in which a disc is parallel to its plane: the lowest point of its rim is open.
@@ -203,5 +206,25 @@ def refuse_overlap(mechanism: Mechanism, state: State) -> None:
         room = slack if stop.coordinate == "distance" else TOUCHING
         for limit, beyond in ((stop.lower, -1.0), (stop.upper, 1.0)):
             if limit is not None and beyond * (q - limit) > room:
-                what = f"{stop.coordinate} {q:.6g} of '{stop.joint}' is beyond the limit {limit:.6g} at the start"
+                what = (
+                    f"{stop.coordinate} {q:.6g} of '{stop.joint}' is {abs(q - limit):.3g} beyond the limit {limit:.6g}"
+                )
                 raise InvalidInput(f"stop '{stop.name}'", what, "Start between the limits.")
+
+
+def strikes(mechanism: Mechanism, state: State) -> bool:
+    """Whether a closed contact or a stop at its limit approaches: an impact, at which there are no accelerations."""
+    length = characteristic_length(mechanism)
+    least = _APPROACHES * float(np.max(np.abs([state.v_WB_W, length * state.w_WB_W]), initial=0.0))
+    for part in elementary_contacts(mechanism):
+        near = nearest_points(mechanism, state, part)
+        rate = float(near.normal @ contact_velocity(mechanism, state, part, near))
+        if near.gap <= TOUCHING * length and part.compliance is None and rate < -least:
+            return True
+    for stop in mechanism.stops:
+        of_unit = 1.0 if stop.coordinate == "distance" else length
+        q, rate = (of_unit * x for x in joint_spring_motion(mechanism, state, stop.joint, stop.coordinate))
+        for limit, beyond in ((stop.lower, -1.0), (stop.upper, 1.0)):
+            if limit is not None and beyond * (q - of_unit * limit) >= -TOUCHING * length and beyond * rate > least:
+                return True
+    return False

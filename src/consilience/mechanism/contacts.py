@@ -227,7 +227,7 @@ class CapsulePlane(_Pair):
         super().__post_init__()
         if np.array_equal(self.start, self.end):
             remedy = "Draw them apart, or give a sphere."
-            raise InvalidInput(f"contact '{self.name}': end", "the ends of the capsule coincide", remedy)
+            raise InvalidInput(f"contact '{self.name}'", "the ends of the capsule coincide", remedy)
 
 
 ElementaryContact = SpherePlane | PointPlane | SphereSphere | DiscPlane

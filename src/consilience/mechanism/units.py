@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from consilience.errors import NumericalFailure
+from consilience.errors import InvalidInput
 from consilience.mechanism.bodies import Body, Frame
 from consilience.mechanism.contact_laws import Compliance
 from consilience.mechanism.functions import Function, Table
@@ -111,26 +111,49 @@ def motion_units(mechanism: Mechanism, times: Array) -> Units:
     return own_units(mechanism, 2.0 * float(times[-1] - times[0]) or 1.0)
 
 
-_SECONDS = re.compile(r"'[^']*'|(?<![\w.])(\d[\d.]*(?:e[-+]?\d+)?) s\b")
-"""A time in the message of a failure, or a name in quotes, which stays."""
+_SI = {
+    "m/s^2": (1, 0, -2),
+    "rad/s^2": (0, 0, -2),
+    "m/s": (1, 0, -1),
+    "rad/s": (0, 0, -1),
+    "1/kg": (0, -1, 0),
+    "kg": (0, 1, 0),
+    "N m": (2, 1, -2),
+    "N s": (1, 1, -1),
+    "N": (1, 1, -2),
+    "J": (2, 1, -2),
+    "m": (1, 0, 0),
+    "s": (0, 0, 1),
+}
+"""Units in messages of failures, the longer before those that they begin with, as powers of length, mass and time."""
+
+_AMOUNT = re.compile(
+    rf"'[^']*'|(?<![\w.])(-?\d[\d.]*(?:e[-+]?\d+)?) ({'|'.join(map(re.escape, _SI))})(?![\w/^]| [ms]\b)"
+)
+"""An amount with its unit in the message of a failure, or a name in quotes, which stays."""
+
+
+def in_si(message: str, units: Units) -> str:
+    """Return a message with its amounts in SI units, where they are in others; names in quotes stay."""
+
+    def converted(amount: re.Match[str]) -> str:
+        if amount[1] is None:
+            return amount[0]
+        digits = max(6, sum(map(str.isdigit, amount[1].partition("e")[0])))
+        return f"{float(amount[1]) / float(np.prod(np.power(units, _SI[amount[2]]))):.{digits}g} {amount[2]}"
+
+    return message if units == Units() else _AMOUNT.sub(converted, message)
 
 
 @contextmanager
-def telling_seconds(units: Units) -> Iterator[None]:
-    """Tell the times in the message of a failure in these units in seconds."""
-
-    def in_seconds(time: re.Match[str]) -> str:
-        if time[1] is None:
-            return time[0]
-        digits = max(6, sum(map(str.isdigit, time[1].partition("e")[0])))
-        return f"{float(time[1]) / units.time:.{digits}g} s"
-
+def telling_si(units: Units) -> Iterator[None]:
+    """Tell the amounts in the message of an exception in SI units, where it has them in these; not of bad input."""
     try:
         yield
-    except NumericalFailure as error:
-        if units.time == 1.0:
-            raise
-        raise NumericalFailure(_SECONDS.sub(in_seconds, str(error))) from None
+    except Exception as error:
+        if not isinstance(error, InvalidInput) and len(error.args) == 1 and isinstance(error.args[0], str):
+            error.args = (in_si(error.args[0], units),)
+        raise
 
 
 def rescaled(function: Function, value: float, argument: float) -> Function:

@@ -29,7 +29,7 @@ from consilience.mechanism import (
     motion_units,
     own_units,
     rough_dampers,
-    telling_seconds,
+    telling_si,
 )
 from consilience.reference.formulations import registry
 from consilience.reference.solver import accelerations, refuse_steep_friction, simulate
@@ -139,7 +139,8 @@ class ReferenceEngine:
             return contact_instant(mechanism, states)
         units = own_units(mechanism)
         own = kept_in_units(mechanism, units)
-        return units.inverse.convert(accelerations(own, [units.convert(state) for state in states], method.name))
+        with telling_si(units):
+            return units.inverse.convert(accelerations(own, [units.convert(state) for state in states], method.name))
 
     def trajectory(
         self, mechanism: Mechanism, state: State, times: Array, method: Method, step: float
@@ -168,7 +169,7 @@ class ReferenceEngine:
         own, start, grid = kept_in_units(mechanism, units), units.convert(state), np.asarray(times) * units.time
         formulation, integrator, _ = (_OTHER | _ROUGH).get(method.name, (method.name, None, ()))
         step = step * units.time if method.substeps else step
-        with telling_seconds(units):
+        with telling_si(units):
             found = simulate(own, start, grid, step, formulation, integrator)
         return replace(units.inverse.convert(found), time=np.asarray(times))
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from consilience.compare import Verdict
-from consilience.compare.judge import REFERENCE
-from consilience.engine import Question
+from consilience.compare.judge import DISPLACED_START, REFERENCE
+from consilience.engine import Question, Status
 from consilience.report.record import Record
 from consilience.report.selection import grouped, is_matched
 from consilience.report.wording import LOOKS, RANK, Look, cause_of, counted, phrase
@@ -79,6 +79,20 @@ def look_first(record: Record) -> tuple[CellCause, ...]:
     """List the cells that differ in the model, failed or are unresolved, the gravest first, each with its cause."""
     found = [c for c in map(_worst, _cells(record).values()) if c["verdict"] in TO_LOOK_AT]
     return tuple(_cause(c) for c in sorted(found, key=_gravity, reverse=True))
+
+
+def without_horizon(record: Record) -> list[str]:
+    """Tell the cases without a horizon, since motions of the reference from displaced starts failed, and why."""
+    failed = grouped(
+        (run["case"], run)
+        for run in record.runs
+        if run["engine"] == REFERENCE and run["status"] == Status.FAILED and DISPLACED_START in run["method"]["name"]
+    )
+    return [
+        f"{case}: the horizon is not known: {counted(len(runs), 'motion')} of the reference from displaced starts "
+        f"failed ({runs[0]['reason']})"
+        for case, runs in failed.items()
+    ]
 
 
 def _cells(record: Record) -> dict[tuple[str, str], list[dict[str, Any]]]:

@@ -29,6 +29,7 @@ from consilience.mechanism import (
     nearest_points,
     relative_motion,
     shapes_in_words,
+    strikes,
 )
 from consilience.report.anatomy import anatomy, dependency_lines, expected_lines, freedom_line
 from consilience.report.annotations import counts
@@ -54,7 +55,8 @@ def matrix(record: Record) -> tuple[list[str], list[tuple[str, list[str]]]]:
 
 def legend(record: Record) -> list[str]:
     """Explain the symbols that occur in the matrix."""
-    occur = {c["verdict"] for c in _counting(record)}
+    engines, _ = matrix(record)
+    occur = {c["verdict"] for c in _counting(record) if c["engine"] in engines}
     return [f"{look.symbol} {look.name}: {look.sentence}" for v, look in LOOKS.items() if str(v) in occur]
 
 
@@ -68,7 +70,7 @@ def _cell(comparisons: list[dict[str, Any]]) -> str:
         return "not asked"
     worst = max((Verdict(c["verdict"]) for c in comparisons), key=list(Verdict).index)
     digits = [c["digits"] for c in comparisons if c["verdict"] == worst and c["digits"] is not None]
-    return f"{LOOKS[worst].symbol} {min(digits):.1f}" if digits else f"{LOOKS[worst].symbol} {worst}"
+    return f"{LOOKS[worst].symbol} {min(digits):.1f}" if digits else f"{LOOKS[worst].symbol} {LOOKS[worst].name}"
 
 
 def describe_case(case: Case) -> str:
@@ -108,7 +110,7 @@ def describe_case(case: Case) -> str:
         f"initial state: joints satisfied to {np.max(np.abs(constraint_residual(mechanism, state)), initial=0.0):.1g}",
         *(_touch(mechanism, state, contact) for contact in mechanism.contacts),
         f"trajectory: {case.duration:g} s, sampled every {case.sample:g} s, {case.digits} digits asked",
-        f"instants: the initial state and {case.instants - 1} random consistent ones",
+        _instants(case),
         *(f"expected: {line}" for line in expected_lines(case)),
         "",
     ]
@@ -154,6 +156,12 @@ def _contact(c: Contact) -> str:
     if c.compliance is not None:
         words.append(f"stiffness {c.compliance.stiffness:g} N/m, damping {c.compliance.damping:g} N s/m")
     return ", ".join(words)
+
+
+def _instants(case: Case) -> str:
+    if strikes(case.mechanism, case.initial_state):
+        return f"instants: {case.instants} random consistent states; at the initial one something strikes"
+    return f"instants: the initial state and {case.instants - 1} random consistent ones"
 
 
 def _touch(mechanism: Mechanism, start: State, c: Contact) -> str:

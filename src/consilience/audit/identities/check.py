@@ -191,9 +191,10 @@ def check_case(ask: Ask, engine: str, case: Case, states: int) -> list[Finding]:
 
 def _measured(measure: Measure, subject: IdentitySubject) -> _Measured:
     try:
-        return worst(list(measure(subject)))
+        found = list(measure(subject))
     except (NotApplicableError, UnansweredError) as reason:
         return reason
+    return worst(found) if found else NotApplicableError("no state has what the identity is about")
 
 
 @dataclass(frozen=True)

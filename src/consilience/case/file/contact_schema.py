@@ -75,7 +75,7 @@ class ContactTable(TableModel):
             given = " and ".join(own if len(own) > 1 else [own[0], "partner_at"])
             raise ValueError(f"{given} make no pair; half_sizes is for a box, to for a capsule, axis for a disc")
         if (all(sphere) or "to" in own or "axis" in own) and self.radius == 0.0:
-            raise ValueError("the radius is missing; a corner hits a plane, every other round shape has a radius")
+            raise ValueError("give a radius above zero: a corner hits a plane, every round shape has a radius")
         if "half_sizes" in own and self.radius != 0.0:
             raise ValueError("a box has no radius; remove it")
         if self.orientation is not None and "half_sizes" not in own:

@@ -53,7 +53,7 @@ def line_of(where: str, raw: Mapping[str, Any], lines: Mapping[Path, int]) -> in
     lines : mapping of path to int
         See `field_lines`.
     """
-    for path in _paths(re.sub(r"^mechanism '[^']*': ", "", where).replace("joint spring", "joint_spring"), raw):
+    for path in _paths(re.sub(r"^mechanism '[^']*': ", "", where), raw):
         for length in range(len(path), 0, -1):
             if path[:length] in lines:
                 return lines[path[:length]]
@@ -68,7 +68,7 @@ def _paths(where: str, raw: Mapping[str, Any]) -> Iterator[Path]:
         return
     name, _, fields = rest.partition("'")
     inner = [int(m["index"]) if m["index"] else m["key"] or m["name"] for m in _PLACE.finditer(fields)]
-    for table in raw if kind == "element" else _TABLES.get(kind, (kind,)):
+    for table in raw if kind == "element" else _TABLES.get(kind, (kind.replace(" ", "_"),)):
         named = raw.get(table)
         for n, entry in enumerate(named if isinstance(named, list) else ()):
             if isinstance(entry, dict) and entry.get("name") == name:

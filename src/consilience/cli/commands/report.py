@@ -56,10 +56,11 @@ def _print_headline(record: Record) -> None:
     """Print the headline, then each cell that differs in the model, failed or is unresolved, with its cause."""
     from consilience.cli.terminal import say
     from consilience.errors import visible
-    from consilience.report.headline import headline, look_first
+    from consilience.report.headline import headline, look_first, without_horizon
 
     cells = look_first(record)
-    say(visible("\n".join(["", *(f"{line}." for line in headline(record)), *(cell.line for cell in cells)])))
+    lines = *(f"{line}." for line in headline(record)), *(cell.line for cell in cells), *without_horizon(record)
+    say(visible("\n".join(["", *lines])))
     if cells:
         say(f'`consilience explain "{cells[0].look.name}"` says what that verdict means.')
 

@@ -19,11 +19,11 @@ from consilience.cli.options import (
     QuestionNames,
     Tags,
     Verbose,
-    chosen_cases,
     chosen_engines,
     chosen_questions,
     connect_cluster,
     require_folder,
+    sound_cases,
     tagged_cases,
 )
 from consilience.errors import InvalidInput
@@ -69,16 +69,22 @@ def run(
 ) -> None:
     """Ask the questions, compare, and write report.jsonl, report.html and report.md.
 
-    Answers are kept in the folder as they come: the same command after an interruption goes on where it was.
+    Answers are kept in the folder as they come: the same command after an interruption goes on where it was. A case
+    that cannot be read is told, and costs no other its answer.
     """
     from consilience.cli.commands.report import state_report
-    from consilience.cli.terminal import err, log_to_stderr, progress_per_engine
+    from consilience.cli.terminal import err, log_to_stderr, progress_per_engine, say
     from consilience.report.pages import write_pages
     from consilience.report.record import write_record
     from consilience.suite import FULL, QUICK, Resources, Store, run_suite
 
     folder = require_folder(output, "report")
-    chosen = tagged_cases(chosen_cases(cases), tag)
+    sound, refused = sound_cases(cases)
+    chosen = tagged_cases(sound, tag)
+    for error in refused:
+        say(f"consilience: {error}", err, "red")
+    if refused:
+        say("the other cases are asked", err)
     engines, questions = chosen_engines(engine), chosen_questions(question)
     start, store = time.perf_counter(), Store(folder, fresh)
     if verbose:
@@ -104,4 +110,4 @@ def run(
     store.close()
     write_record(results, time.perf_counter() - start, folder, jobs)
     write_pages(folder)
-    raise typer.Exit(state_report(folder, form))
+    raise typer.Exit(state_report(folder, form) or (2 if refused else 0))

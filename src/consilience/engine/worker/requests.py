@@ -13,7 +13,7 @@ from consilience.engine.answers import CannotRepresent, Manifest, Method, Unsupp
 from consilience.engine.protocol import Engine
 from consilience.engine.questions import Question
 from consilience.engine.worker.own_units import units_of, with_units, without_units
-from consilience.mechanism import Array, Mechanism, State, Units, in_units
+from consilience.mechanism import Array, Mechanism, State, Units, in_units, telling_si
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
@@ -225,7 +225,8 @@ def _ask(engine: Engine, mechanism: Mechanism, question: Question, request: Requ
     if units != Units():
         mechanism, request = _in_units(mechanism, *units), _converted(request, units)
     try:
-        answer = getattr(engine, question)(mechanism, *map(request.argument, question.arguments))
+        with telling_si(units):
+            answer = getattr(engine, question)(mechanism, *map(request.argument, question.arguments))
     except CannotRepresent as found:
         return found.refusal
     return units.inverse.convert(answer) if units != Units() and isinstance(answer, question.answer) else answer

@@ -19,6 +19,7 @@ from consilience.mechanism import (
     potential_energy,
     refuse_flat_discs,
     require_states,
+    telling_si,
 )
 from consilience.reference.bodies.canonical import at_origins, joint_wrenches
 from consilience.reference.contact.equations import ContactEquations
@@ -59,7 +60,8 @@ def contact_instant(mechanism: Mechanism, states: Sequence[State], t: float = 0.
     units = own_units(mechanism)
     own, there = kept_in_units(mechanism, units), [units.convert(state) for state in states]
     equations = ContactEquations(layout_of(own))
-    answers = [_at(equations, own, state, t) for state in there]
+    with telling_si(units):
+        answers = [_at(equations, own, state, t) for state in there]
     a, alpha, reactions, forces = (np.array(part) for part in zip(*answers, strict=True))
     return units.inverse.convert(
         InstantAnswer(

@@ -19,7 +19,7 @@ from consilience.mechanism import (
     kept_in_units,
     motion_units,
     refuse_flat_discs,
-    telling_seconds,
+    telling_si,
 )
 from consilience.reference.bodies.canonical import sample_times
 from consilience.reference.contact.impact import Impact
@@ -85,7 +85,7 @@ def _integrate(
     refuse_flat_discs(mechanism, state)
     units = motion_units(mechanism, times)
     own, start, grid = kept_in_units(mechanism, units), units.convert(state), units.time * times
-    with telling_seconds(units):
+    with telling_si(units):
         run = ContactSimulation(own, start, grid, tolerance, impacts)
         answer = run.integrate(units.length)
     return run, replace(units.inverse.convert(answer), time=times), units.inverse

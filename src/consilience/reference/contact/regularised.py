@@ -29,7 +29,7 @@ from consilience.mechanism import (
     kept_in_units,
     motion_units,
     rotation_from_quaternion,
-    telling_seconds,
+    telling_si,
 )
 from consilience.reference.bodies.arrays import pack, unpack
 from consilience.reference.bodies.canonical import sample_times
@@ -72,7 +72,7 @@ def simulate_regularised(
     times = sample_times(times)
     units = motion_units(mechanism, times)
     own, start, grid = kept_in_units(mechanism, units), units.convert(state), units.time * times
-    with telling_seconds(units):
+    with telling_si(units):
         motion = _Regularised(own, [units.convert(law) for law in laws], start)
         found = integrate(motion, motion.start, grid, max(tolerance, LEAST_TOLERANCE), "dop853")
     bodies = unpack(motion.smooth, found.samples[:, : motion.count].reshape(len(times), *motion.shape))

@@ -29,7 +29,7 @@ _SAME = 1e-8
 
 _EXCHANGES, _HALVINGS = 40, 8
 
-SHARE = "how the contacts share their load is open, and with it the friction of those that slide in several directions"
+SHARE = "how the contacts share their load is open, and with it the friction of those that slide"
 
 _SIDES = 6
 """Covering vectors tried where combinations are too many."""
@@ -40,25 +40,7 @@ class JammedFriction(NumericalFailure):
 
 
 class PainleveParadox(JammedFriction):
-    """No forces satisfy the laws of sliding contacts.
-
-    Attributes
-    ----------
-    contact : str
-    slope, constant : float
-        A and B of ``g'' = A N + B`` of the contact, the others as they are in the last candidate.
-    """
-
-    def __init__(self, contact: str, slope: float, constant: float) -> None:
-        self.contact, self.slope, self.constant = contact, slope, constant
-        super().__init__(
-            f"contact {contact}: sliding friction jams (Painleve): g'' = A N + B with A = {slope:.12g} 1/kg and "
-            f"B = {constant:.12g} m/s^2 has no solution; an impact without collision would have to follow"
-        )
-
-    def __reduce__(self) -> tuple[type[PainleveParadox], tuple[str, float, float]]:
-        """Pickle the three parts."""
-        return type(self), (self.contact, self.slope, self.constant)
+    """No forces satisfy the laws of sliding contacts."""
 
 
 class ModeSearch:
@@ -293,7 +275,11 @@ class ModeSearch:
             n = self.problem.normals[0]
             _, S, _ = columns_and_rows(self.problem, self.natural)
             slope = float((self.problem.delassus @ S)[n, 0])
-            return PainleveParadox(self.problem.names[n], slope, float(self.problem.free[n]))
+            return PainleveParadox(
+                f"{self.problem.names[n]}: sliding friction jams (Painleve): g'' = A N + B with A = {slope:.12g} 1/kg "
+                f"and B = {self.problem.free[n]:.12g} m/s^2 has no solution; an impact without collision would have to "
+                "follow"
+            )
         names = ", ".join(dict.fromkeys(self.problem.names))
         if self.family is not None:
             return NumericalFailure(f"the laws of {names} allow several accelerations: {SHARE}")
