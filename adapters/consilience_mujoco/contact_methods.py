@@ -60,6 +60,10 @@ _NEWTON_SCALE = 1e-5
 """Factor on inverse inertias of drives and couplings beside friction, and of all constraints at an instant: by 2e-11
 Newton's method loses their forces."""
 
+_NEWTON_WELDS = 1e-7
+"""Factor on those of welds beside friction in a motion: by 1e-9 Newton's method stops at 1e-5 of the forces of a
+slider-crank, and CG does at any."""
+
 _CIRCLE = "circle; rigid and Coulomb's in the limit of small steps"
 _PYRAMID = (
     "pyramid of 4 facets, inscribed, associated and soft; the first tangent is the projection of the world's y, or of "
@@ -99,19 +103,22 @@ def _settings(mechanism: Mechanism, equalities: Equalities) -> dict[str, Any]:
     if mechanism.stops or mechanism.dry_frictions:
         settings |= {"dof_invweight0, factor": HARD}
     if held and by_newton(mechanism, equalities):
-        settings |= {
-            name: _NEWTON_SCALE for name in ("dof_invweight0, factor", "tendon_invweight0, factor") if name in settings
-        }
+        factors = ("dof_invweight0, factor", "tendon_invweight0, factor")
+        settings |= {name: _NEWTON_SCALE for name in factors if name in settings}
+        settings |= {"body_invweight0, factor": _NEWTON_WELDS} if equalities.welds else {}
     elif equalities.joints:
         settings |= {"dof_invweight0, factor": INVWEIGHT_SCALE}
     return settings
 
 
 def by_newton(mechanism: Mechanism, equalities: Equalities) -> bool:
-    """Whether MuJoCo solves by Newton's method: CG stops early beside friction, Newton's loses the forces of loops."""
-    rough = mechanism.dry_frictions or any(contact.friction > 0.0 for contact in mechanism.contacts)
-    held = equalities.joints + equalities.guides
-    return not equalities.welds and bool(rough or not held)
+    """Whether MuJoCo solves by Newton's method: CG stops early beside friction, Newton's loses the forces of welds."""
+    return _rough(mechanism) or not (equalities.welds or equalities.joints or equalities.guides)
+
+
+def _rough(mechanism: Mechanism) -> bool:
+    """Whether anything can slide with friction."""
+    return bool(mechanism.dry_frictions) or any(contact.friction > 0.0 for contact in mechanism.contacts)
 
 
 def _model(settings: dict[str, Any], law: str) -> Method:
@@ -150,7 +157,7 @@ def _motions(mechanism: Mechanism, settings: dict[str, Any], equalities: Equalit
     if mechanism.contacts:
         settings |= {"opt.impratio": _RATIO, "pair_margin": "the overlap under the normal force at the start"}
     bouncing = BOUNCING_LOOP_STEPS if equalities.welds else BOUNCING_STEPS
-    steps, softness = (bouncing, 1.0) if bounces else (STEPS, None)
+    steps, softness = bouncing if bounces else STEPS, 1.0 if bounces or equalities.welds else None
     yield Method("RK4", Route.TUNED, 1, steps, settings=settings, softness=softness, contact_law=law)
     if mechanism.contacts and not bounces:
         yield Method(

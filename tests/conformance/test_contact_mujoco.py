@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from consilience.case import load_case
 from consilience.engine import Profile, Question, Route, defects
 from consilience.mechanism import (
     GROUND,
@@ -24,6 +25,7 @@ from consilience.mechanism import (
     quaternion_from_rotation,
     rotation_with_z_axis,
 )
+from consilience.reference.contact import simulate_with_contacts
 from contact_problems import (
     BALL,
     FEET,
@@ -282,6 +284,18 @@ def test_a_stop_without_restitution_catches_a_joint_that_the_tree_passes_backwar
     close((start.alpha_WB_W,), ([0.0, 0.0, 0.6],), 1e-12)
     answer = motion(mechanism, state, 0.2, 4)
     close((2.0 * np.arctan2(answer.quat_WB[-1, 0, 3], answer.quat_WB[-1, 0, 0]),), (-0.2,), 1e-3)
+
+
+def test_dry_friction_brakes_a_loop():
+    """By CG the solver stopped early, at 1e-4 of the forces: no answer."""
+    case = load_case("slider_crank").with_span(0.25, None)
+    braked = replace(case.mechanism, dry_frictions=(DryFriction("dry", "slide", "distance", bound=3.0),))
+    state = initial_state(braked, case.initial)
+    right, _ = simulate_with_contacts(braked, state, case.times, 1e-10)
+    answer = ENGINE.trajectory(braked, state, case.times, ENGINE.methods(braked, T)[0], case.sample / 50)
+    free, _ = simulate_with_contacts(case.mechanism, state, case.times, 1e-10)
+    assert np.max(np.abs(free.p_WB - right.p_WB)) > 1e-3
+    close((answer.p_WB,), (right.p_WB,), 1e-6)
 
 
 def at_defaults(mechanism, state, softness):

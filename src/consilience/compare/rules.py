@@ -291,7 +291,7 @@ RULES: tuple[Rule, ...] = (
 )
 
 
-CONVERGENCE = frozenset({"no ladder", "converged elsewhere", ELSEWHERE})
+CONVERGENCE = frozenset({"no ladder", "converged elsewhere", "impacts elsewhere", ELSEWHERE})
 """Rules that blame the model because neither steps nor softness explain a difference."""
 
 INSTANT_RULES: dict[str, str] = {

@@ -206,9 +206,8 @@ def refuse_overlap(mechanism: Mechanism, state: State) -> None:
         room = slack if stop.coordinate == "distance" else TOUCHING
         for limit, beyond in ((stop.lower, -1.0), (stop.upper, 1.0)):
             if limit is not None and beyond * (q - limit) > room:
-                what = (
-                    f"{stop.coordinate} {q:.6g} of '{stop.joint}' is {abs(q - limit):.3g} beyond the limit {limit:.6g}"
-                )
+                past = f"beyond the limit {limit:.6g} by {abs(q - limit):.3g} at the start"
+                what = f"{stop.coordinate} {q:.6g} of '{stop.joint}' is {past}"
                 raise InvalidInput(f"stop '{stop.name}'", what, "Start between the limits.")
 
 

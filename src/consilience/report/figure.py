@@ -27,8 +27,8 @@ DASHES = ("2px,5px", "longdashdot", "dashdot", "dot", "dash", "solid")
 
 MARKERS = ("circle", "square", "diamond", "triangle-up", "x", "star")
 
-LEGEND = 70
-"""Largest number of characters in a line of a legend."""
+LEGEND = 50
+"""Largest number of characters in a line of a legend: what a phone has room for."""
 
 TIME = {"title": {"text": "time in s"}}
 """Axis of time."""
@@ -50,7 +50,7 @@ def grid(times: Sequence[float]) -> Figure:
 
 
 def title_of(comparison: dict[str, Any], more: str = "") -> str:
-    """Name a method in a legend: escaped, in lines that half a page has room for; a default method is labelled."""
+    """Name a method in a legend: escaped, in lines that a phone has room for; a default method is labelled."""
     title = method_title(comparison["method"], is_matched(comparison)) + more
     return "<br>".join(escape(line, quote=False) for line in wrap(title, LEGEND))
 
