@@ -159,26 +159,31 @@ class ModeSearch:
     def _checked(self, solved: ModeSolution) -> ModeSolution | None:
         """Return the solution if it satisfies all laws, with undetermined forces within their cones.
 
-        One whose undetermined forces load what slides is one of a family of solutions, and kept as that.
+        One whose undetermined forces load what slides is one of a family of solutions, and kept as that: with the force
+        of the widest margin, since that of least norm may be one without what is left open.
         """
         if not solved.consistent or not (solved.singular or self._moves_right(solved)):
             return None
-        if solved.singular:  # the force of least norm may be that without what is left open
-            force = self._margin(solved).force
-            solved = replace(solved, force=force, acceleration=self.problem.acceleration(force))
-            if not self._moves_right(solved):
-                return None
-        elif solved.undetermined.shape[1]:
-            solved = replace(solved, force=admissible_force(self.problem, solved, partial(self._margin, solved)))
+        if not solved.undetermined.shape[1]:
+            return solved if self._lawful(solved) else None
+        least = admissible_force(self.problem, solved, partial(self._margin, solved))
+        if not solved.singular:
+            solved = replace(solved, force=least)
+            return solved if self._lawful(solved) else None
+        for force in (self._margin(solved).force, least):
+            one = replace(solved, force=force, acceleration=self.problem.acceleration(force))
+            if self._moves_right(one) and self._lawful(one):
+                self.family = one
+                break
+        return None
+
+    def _lawful(self, solved: ModeSolution) -> bool:
+        """Return whether a solution satisfies the laws, and note the best that does not."""
         missed = np.abs(residual(self.problem, solved.force, solved.acceleration))
         worst = int(np.argmax(missed)) if len(missed) else 0
         if len(missed) and missed[worst] < self.best[0]:
             self.best = (float(missed[worst]), self.problem.names[worst])
-        if np.max(missed, initial=0.0) > VERIFIED:
-            return None
-        if solved.singular:
-            self.family = solved
-        return None if solved.singular else solved
+        return float(np.max(missed, initial=0.0)) <= VERIFIED
 
     def _margin(self, solved: ModeSolution) -> StickingMargin:
         """Return the margin of a solution; that of the last one is kept."""
