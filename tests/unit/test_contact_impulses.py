@@ -60,6 +60,73 @@ def test_rod_hits_the_floor(degrees, mu, slip, law, impulse, after):
         np.testing.assert_allclose(found.impulse, [*impulse, 0.0], atol=1e-11)
 
 
+@pytest.mark.parametrize("turn", [0.0, 0.7])
+@pytest.mark.parametrize("slip", [0.0, 1e-15, -1e-15, 1e-9, -1e-9, 0.01, 0.3, -0.3])
+@pytest.mark.parametrize("mu", [0.59, 0.597, 0.6 - 1e-9, 0.6, 0.6 + 1e-9, 0.603, 0.62])
+def test_friction_that_hardly_holds_the_rod(mu, slip, turn):
+    # G_nn = G_tt = 2.5, G_nt = 1.5: sticks from mu = 0.6, and slides on in one line; tangents turned about the normal
+    rate = {sense: 1.5 - 2.5 * sense * mu for sense in (1.0, -1.0)}  # of the slip, per normal impulse
+    force = -min(mu, 0.6)  # from rest
+    first, sense = np.inf, np.copysign(1.0, slip)
+    if abs(slip) > 1e-14 and sense * rate[sense] < 0.0:
+        first = -slip / rate[sense]  # stops there
+    elif abs(slip) > 1e-14:
+        force = -sense * mu
+    sliding = -sense * mu if abs(slip) > 1e-14 else force
+    compressed = 1.0 / (2.5 + 1.5 * sliding)
+    if compressed > first:
+        compressed = first + (1.0 - first * (2.5 + 1.5 * sliding)) / (2.5 + 1.5 * force)
+    N = 1.5 * compressed
+    T = sliding * min(first, N) + force * max(N - first, 0.0)
+    problem, R = rod(np.pi / 4, mu), np.eye(3)
+    R[1:, 1:] = [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]
+    turned = replace(problem, delassus=R @ problem.delassus @ R.T, free=R @ [-1.0, slip, 0.0])
+    found = solve_impulse(turned, np.array([0.5]), "poisson")
+    np.testing.assert_allclose(R.T @ found.impulse, [N, T, 0.0], rtol=0.0, atol=1e-13)
+
+
+@pytest.mark.parametrize("e", [0.0, 0.5])
+@pytest.mark.parametrize("speed", [1e-3, 1e-6, 1e-12])
+def test_slow_slip_turns_until_friction_just_balances_it(speed, e):
+    # Keller's hodograph for mu G_tt = A, the limit kappa = 1 of that below: s(th) = U (1 + cos(th0))/(1 + cos(th)), and
+    # dN = s dth/(A sin(th)), so that long before the end of compression U (1 + cos(th0))/2 is left along t1 for good
+    A, g_t, first, compressed = 0.45, 2.1, 2.0, 0.4
+    before = speed * np.array([np.cos(first), np.sin(first)])
+    left = np.array([0.5 * speed * (1.0 + np.cos(first)), 0.0])
+    N = np.array([compressed, (1.0 + e) * compressed])
+    T = (left - before - np.outer(N, [A, 0.0])) / g_t
+    c, s = np.cos(0.4), np.sin(0.4)
+    R = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])  # tangents of no meaning
+    G = np.array([[1.9, A, 0.0], [A, g_t, 0.0], [0.0, 0.0, g_t]])
+    approach = -(G[0] @ [N[0], *T[0]])
+    friction = (FrictionSet("c", (1, 2), A / g_t, A / g_t, 0),)
+    problem = ContactProblem(R @ G @ R.T, R @ [approach, *before], ("c",) * 3, (0,), friction)
+    found = solve_impulse(problem, np.array([e]), "poisson")
+    np.testing.assert_allclose(R.T @ found.impulse, [N[1], *T[1]], rtol=0.0, atol=1e-13)
+
+
+@pytest.mark.parametrize("aside", [0.0, 0.05])
+def test_arm_wedged_by_its_ball_joint(aside):
+    # a homogeneous rod on a ball joint strikes the floor with its tip: G = 3/m (1 - a a^T). Friction of at least
+    # |a_t|/|a_n| holds it for any normal impulse: slip and approach end together, by p = -m u/3 but for what is along a
+    m, a, n = 1.3, np.array([-0.36, 0.48, -0.8]), np.eye(3)[0]
+    before = aside * np.cross(n, a) - (n - a[0] * a)
+    friction = (FrictionSet("c", (1, 2), 3.0, 3.0, 0),)
+    problem = ContactProblem(3.0 / m * (np.eye(3) - np.outer(a, a)), before, ("c",) * 3, (0,), friction)
+    found = solve_impulse(problem, np.array([0.5]), "poisson")
+    np.testing.assert_allclose(found.velocity, 0.0, atol=1e-12)
+    np.testing.assert_allclose(found.impulse - (a @ found.impulse) * a, -m / 3.0 * before, atol=1e-12)
+    assert np.linalg.norm(found.impulse[1:]) <= 3.0 * found.impulse[0]
+
+
+def test_tip_that_grazes_is_reversed():
+    # an impulse gives the tip of an arm 1e-7 of the speed that a free body would get: Newton's law reverses it by e
+    problem = ContactProblem(np.array([[1e-14]]), np.array([-1e-7]), ("c",), (0,), scale=np.ones(1))
+    found = solve_impulse(problem, np.array([0.5]), "newton")
+    np.testing.assert_allclose(found.velocity, [0.5e-7], rtol=1e-12)
+    assert found.impulse[0] == pytest.approx(1.5e7, rel=1e-12)
+
+
 @pytest.mark.parametrize("kappa", [0.7, 1.6])
 def test_slip_that_turns_during_an_impact(kappa):
     # G_tt = g_t 1, G_tn along t1: hodograph s(th) = U sin(th0)/sin(th) (tan(th/2)/tan(th0/2))^kappa (Keller 1986)

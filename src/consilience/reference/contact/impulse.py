@@ -111,7 +111,9 @@ def _one_each(problem: ContactProblem) -> bool:
 def _newton(problem: ContactProblem, restitution: Array, at_rest: float, time: float) -> ImpulseSolution:
     """Solve by the table of modes, each normal row with two tangents, which are zero for a stop."""
     n, m = len(problem.normals), len(problem.free)
-    if m == 1 and float(problem.delassus[0, 0]) > RANK * float(problem.row_scale()[0]) ** 2:  # one mode to decide
+    # One mode to decide. G is the square of the speed that an impulse gives: a tip that grazes, all but held by its
+    # joints, is moved by the root of what ranks tell from zero.
+    if m == 1 and float(problem.delassus[0, 0]) > (RANK * float(problem.row_scale()[0])) ** 2:
         impulse = -(1.0 + restitution) * np.minimum(problem.free, 0.0) / problem.delassus[0, 0]
         return ImpulseSolution(impulse, problem.acceleration(impulse), ("frictionless",), None)
     friction = {f.load: f for f in problem.friction}
