@@ -20,8 +20,10 @@ from consilience.mechanism import (
     initial_state,
 )
 from consilience.reference.contact import simulate_with_contacts
+from consilience.reference.contact.energy_balance import is_conservative
 from consilience.reference.contact.equations import ContactEquations
 from consilience.reference.contact.event_functions import EventFunctions
+from consilience.reference.contact.march import QuietSteps
 from contact_problems import LEVEL, Lab
 
 
@@ -71,6 +73,29 @@ def test_a_motion_with_too_little_friction_is_refused(monkeypatch):
     monkeypatch.setattr(ContactEquations, "activate", weaker)
     with pytest.raises(NumericalFailure, match=r"contact 'floor', t = 0 s: friction does not oppose the slip"):
         motion("bowling")
+
+
+@pytest.mark.parametrize("name", ["ball_slips", "dry_spring", "pendulum_at_a_stop", "ball_on_spring"])
+def test_energy_that_vanishes_between_samples_is_told(name, monkeypatch):
+    """The projection after a step takes a millionth of the speeds, which violates no law of contact at a sample."""
+    project = ContactEquations.project
+
+    def losing(self, t, Y, turns, halted=()):
+        project(self, t, Y, turns, halted)
+        bodies = len(self.model.mass)
+        Y[: 13 * bodies].reshape(bodies, 13)[:, 7:13] *= 1.0 - 1e-6
+
+    monkeypatch.setattr(ContactEquations, "project", losing)
+    monkeypatch.setattr(QuietSteps, "watch", lambda *_: None)
+    with pytest.raises(NumericalFailure, match=r"energy, t = \S+ s: it has changed by -\S+ J since the start"):
+        motion(name)
+
+
+def test_energy_that_drives_and_dampers_give_or_take_is_no_fault():
+    for name in ("bouncing_table", "belt_catch", "breakaway"):
+        answer, _ = motion(name)
+        assert not is_conservative(load_cases(name)[0].mechanism)
+        assert len(answer.time) > 1
 
 
 def test_friction_that_jams_is_told_by_name_and_time():

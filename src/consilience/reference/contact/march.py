@@ -9,6 +9,7 @@ import numpy as np
 from consilience.mechanism import Array
 from consilience.reference.contact.equations import ContactEquations
 from consilience.reference.contact.events import CLEAR, Watch
+from consilience.reference.contact.pairs import DISC
 from consilience.reference.contact.quiet_steps import (
     GAP,
     INTERVALS,
@@ -48,23 +49,27 @@ class QuietSteps:
         explicit: ExplicitArrays,
         stepper: Kernel,
         times: Array,
-        sizes: tuple[float, float, float, float],
+        sizes: tuple[float, ...],
     ) -> None:
-        """Prepare a motion with samples at times; `sizes` are length, span, longest step and `Stepper.straight`."""
+        """Prepare a motion with samples at times.
+
+        `sizes` are length, span, longest step, `Stepper.straight` and `Rims.least`.
+        """
         system, layout, size = equations.system, equations.layout, explicit.K.shape[1]
         gaps, m, contacts = len(system.rows.gap), len(system.rows.u), len(layout.mechanism.contacts)
         packed = size - 3 * contacts - 1
         self._equations, self.able, self.now = equations, False, np.zeros(1, MARCH)
         now = self.now[0]
-        now["length"], now["span"], now["longest"], now["straight"] = sizes
+        now["length"], now["span"], now["longest"], now["straight"], now["flat"] = sizes
         now["bodies"], now["packed"] = len(equations.model.mass), packed
         self._watched = np.zeros(len(layout.normals) + 2 * len(layout.friction), WATCHED)
         room = min(len(times), max(1, _ROOM // equations.width))
         self._states, self._sums = np.zeros((room, 1 + packed + len(system.turns))), np.zeros((room, 3 * contacts + 1))
         self._found = np.zeros((room, equations.width))
         buffers = np.zeros(m), np.zeros(_NODES * (1 + packed)), np.zeros(_NODES * (gaps + 2 * m))
+        discs = layout.pairs[layout.pairs["kind"] == DISC]
         found = times.copy(), self._states, self._sums, self._found  # contiguous, as kernels are compiled for
-        record = explicit, stepper, system.rows, system.modes, system.turns, self._watched, *buffers, *found
+        record = explicit, stepper, system.rows, system.modes, system.turns, self._watched, discs, *buffers, *found
         self._march = BoundOperation(march, MarchArrays(self.now, *record))
 
     def watch(self, watches: list[Watch], modes: RowModes) -> None:

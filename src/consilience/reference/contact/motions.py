@@ -22,6 +22,7 @@ from consilience.mechanism import (
     telling_si,
 )
 from consilience.reference.bodies.canonical import sample_times
+from consilience.reference.contact.energy_balance import refuse_lost_energy
 from consilience.reference.contact.impact import Impact
 from consilience.reference.contact.samples import ContactEvent
 from consilience.reference.contact.simulation import ContactSimulation
@@ -57,7 +58,8 @@ def simulate_with_contacts(
         Tolerance out of range, times that do not increase, a contact that overlaps at the start, or a disc that is
         parallel to its plane there.
     NumericalFailure
-        The laws of contact have no solution or several (Painleve), or the integration fails.
+        The laws of contact have no solution or several (Painleve), a disc comes parallel to its plane, energy vanishes
+        besides the losses, or the integration fails.
     """
     run, answer, back = _integrate(mechanism, state, sample_times(times), tolerance, impacts)
     return answer, tuple(back.convert(event) for event in run.samples.in_order())
@@ -88,4 +90,5 @@ def _integrate(
     with telling_si(units):
         run = ContactSimulation(own, start, grid, tolerance, impacts)
         answer = run.integrate(units.length)
+        refuse_lost_energy(run.equations, answer, run.samples, run.speed, tolerance)
     return run, replace(units.inverse.convert(answer), time=times), units.inverse

@@ -2,8 +2,8 @@
 
 `simulation` takes a step, and looks for what happens in it. These kernels take the same steps as long as nothing does:
 all event functions are positive at the nodes of the step and have no low point between them, undetermined forces keep
-clear of their bounds, slips are fast, those along a line keep to it, and no friction jams. The first step that is not
-like that is taken back, for `simulation`.
+clear of their bounds, slips are fast, those along a line keep to it, no friction jams, and no disc comes flat. The
+first step that is not like that is taken back, for `simulation`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from consilience.reference.contact.pairs import RowMotion
 from consilience.reference.kernel.compiled import inner
 from consilience.reference.kernel.operation import allocating_operation, array_of
 from consilience.reference.kernel.record_type import INT, record_type
-from consilience.reference.kernel.vectors import assign
+from consilience.reference.kernel.vectors import Vector, add, assign, cross, dot, load, scale, sub
 from consilience.reference.steppers.explicit import ExplicitArrays, dense_output
 from consilience.reference.steppers.motion import ATTEMPT, END_STEP, INTERPOLATE, PREPARE, Kernel, ask
 
@@ -67,6 +67,7 @@ MARCH = record_type(
     ("bodies", INT),
     ("packed", INT),  # size of a packed state
     ("straight", float),  # turn of a slip up to which it has kept to its line, rad
+    ("flat", float),  # sine of the tilt of a disc that is parallel to its plane
     ("speed", float),  # of the mechanism, m/s
     ("h", float),  # proposed length of the next step, s
     ("next", float),  # proposed behind the step that is looked at, s
@@ -89,6 +90,7 @@ class MarchArrays(NamedTuple):
     modes: ActiveModes
     turns: Array
     watched: Array  # of WATCHED
+    discs: Array  # (n_d,) of PAIR
     force: Array  # (m,)
     nodes: Array  # packed states with their times, in one row
     seen: Array  # gaps, rates and forces there
@@ -202,6 +204,33 @@ def _stays_positive(one: Any, seen: Array, parts: int, step: float, gaps: int, r
 
 
 @inner
+def _turned(y: Array, body: int, a: Vector, sign: float) -> Vector:
+    """Turn a vector from axes of a body to those of the world, or back (sign -1), at a packed state in one row."""
+    if body < 0:
+        return a
+    e0, e = sign * y[13 * body + 3], load(y[13 * body + 4 : 13 * body + 7])
+    across = cross(e, a)
+    return add(a, scale(2.0 / (e0 * e0 + dot(e, e)), add(scale(e0, across), cross(e, across))))
+
+
+@inner
+def _rims_lean(arrays: MarchArrays, nodes: Array, parts: int) -> bool:
+    """Return whether no disc comes parallel to its plane, nor lowest points jump, from node to node (`rims`)."""
+    width, flat = arrays.now[0].packed + 1, arrays.now[0].flat
+    for d in range(arrays.discs.shape[0]):
+        disc, before = arrays.discs[d], (0.0, 0.0, 0.0)
+        for p in range(parts + 1):
+            y = nodes[p * width + 1 : (p + 1) * width]
+            axis, n = _turned(y, disc.body, load(disc.axis), 1.0), load(disc.normal)
+            axis = _turned(y, disc.partner, axis, -1.0)
+            lean = sub(axis, scale(dot(axis, n), n))
+            if dot(lean, lean) <= flat * flat or (p > 0 and dot(before, lean) <= 0.0):
+                return False
+            before = lean
+    return True
+
+
+@inner
 def _attempt(arrays: MarchArrays, t: float, start: Array, end: Array) -> float:
     """Take a step from a state, of the error allowed; return the time at its end, t where steps become too short."""
     explicit, now = arrays.explicit, arrays.now[0]
@@ -247,7 +276,7 @@ def _is_quiet(arrays: MarchArrays, t: float, reached: float, start: Array, end: 
         dense_output(start[:size], explicit.F, p / parts, node[1:])
     seen = arrays.seen[: (parts + 1) * width]
     ask(mechanism, OBSERVE, 0.0, arrays.nodes[: (parts + 1) * (size + 1)], seen)
-    quiet = True
+    quiet = _rims_lean(arrays, arrays.nodes, parts)
     for w in range(now.watched):
         quiet = quiet and _stays_positive(arrays.watched[w], seen, parts, (reached - t) / parts, gaps, rows)
     return quiet

@@ -76,6 +76,7 @@ class Samples:
         springs = [layout.parts[k].compliance.stiffness for k in layout.springs]
         self._stiffness, self._owner = np.array(springs), layout.site[3 * np.arange(len(layout.parts))]
         self._found: list[tuple[Array, ...]] = []  # states, gaps, impulses, modes and losses of each step
+        self._spent: list[tuple[Array, ...]] = []  # states, turns, and losses with what springs of contacts store
 
     def record(self, modes: RowModes, rows: SampledRows, sums: Array) -> None:
         """Record samples with impulses and losses in their units, shape (n, 3 n_c + 1)."""
@@ -88,6 +89,7 @@ class Samples:
         impulses, losses = impulse * sums[:, :-1].reshape(count, -1, 3), loss * sums[:, -1] - stored
         shown = self._modes[None, :contacts].repeat(count, axis=0)
         self._found.append((rows.states, gaps.T, impulses, shown, losses))
+        self._spent.append((rows.states, rows.turns, losses + stored))
 
     def add(self, time: float, kind: str, site: int) -> None:
         """Add an event."""
@@ -111,6 +113,10 @@ class Samples:
     def in_order(self) -> list[ContactEvent]:
         """Return the events in order of time: the end of bounces is known before it comes."""
         return sorted(self.events, key=lambda event: event.time)
+
+    def spent(self) -> tuple[Array, ...]:
+        """Return packed states, joint coordinates near them, and losses with what springs of contacts store."""
+        return tuple(np.concatenate(part) for part in zip(*self._spent, strict=True))
 
     def answer(self, times: Array, counters: dict[str, int | float]) -> TrajectoryAnswer:
         """Return the answer of all samples."""

@@ -15,7 +15,8 @@ dissipation               what slides loses the most power that its cone allows;
 Forces that are undetermined must have some choice within all cones. Accelerations are those of the Delassus matrix, not
 those of the compiled derivative.
 
-As friction jams (Painleve) the determinant of the modes falls to zero; it is watched from step to step.
+As friction jams (Painleve) the determinant of the modes falls to zero; it is watched from step to step. What these
+laws cannot see, energy that vanishes between samples, `energy_balance` tells at the end.
 """
 
 from __future__ import annotations

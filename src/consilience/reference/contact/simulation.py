@@ -38,6 +38,7 @@ from consilience.reference.contact.lasting import (
 from consilience.reference.contact.layout import layout_of
 from consilience.reference.contact.quiet_steps import STILL
 from consilience.reference.contact.response import Response, SampledRows
+from consilience.reference.contact.rims import Rims
 from consilience.reference.contact.row_modes import RowModes, open_modes
 from consilience.reference.contact.samples import Samples
 from consilience.reference.contact.self_check import EventsAtOnce, UncheckedSamples, refuse_jam, refuse_overlap
@@ -84,7 +85,8 @@ class ContactSimulation:
         self.bounces = Bounces(self.layout, self.length)
         self.slips = SlipHeadings(self.equations)
         self.functions = EventFunctions(self.equations, self.length)
-        self.quiet = self.stepper.quiet_steps(self.times, self.length, self.span)
+        self.rims = Rims(self.layout, self.span, tolerance)
+        self.quiet = self.stepper.quiet_steps(self.times, self.length, self.span, self.rims.least)
         self.at_once = EventsAtOnce()
 
     def integrate(self, metre: float = 1.0) -> TrajectoryAnswer:
@@ -107,7 +109,8 @@ class ContactSimulation:
         return self.samples.answer(self.times, counters)
 
     def _record(self, until: float) -> None:
-        """Record the samples that the last step has reached."""
+        """Record the samples that the last step has reached, if no disc came flat in it."""
+        self.rims.refuse_flat(self.stepper)
         reached = int(np.searchsorted(self.times, until, side="right"))
         while self.recorded < reached:
             self._keep(*self.stepper.sample(self.times[self.recorded : min(reached, self.recorded + _AT_MOST)]))
@@ -142,6 +145,7 @@ class ContactSimulation:
             stepper.choose(chosen_force(self.equations, stepper.respond(stepper.t, stepper.y), stepper.modes))
             room = self.functions.room(stepper)
         stepper.advance(bound)
+        self.rims.keep_clear(stepper)
         while (back := self.slips.leaves_line(stepper, self.speed)) is not None:
             stepper.shorten(back, self._halted)
         self.speed = self._speeds()

@@ -217,10 +217,12 @@ class Stepper:
         """Evaluate rows and responses at a packed state near the last one."""
         return self.equations.respond(t, y, self._turns)
 
-    def quiet_steps(self, times: Array, length: float, span: float) -> QuietSteps:
-        """Return the march of a motion with samples at times (n_t,); length of the mechanism and span of the motion."""
+    def quiet_steps(self, times: Array, length: float, span: float, flat: float) -> QuietSteps:
+        """Return the march of a motion: samples (n_t,), length of the mechanism, span of the motion, `Rims.least`."""
         stepper = Kernel(*self._explicit.addresses)
-        return QuietSteps(self.equations, self._arrays, stepper, times, (length, span, self.longest, self.straight))
+        return QuietSteps(
+            self.equations, self._arrays, stepper, times, (length, span, self.longest, self.straight, flat)
+        )
 
     def _derivative(self, t: float, Y: Array) -> Array:
         """Return ``dY/dt``."""
