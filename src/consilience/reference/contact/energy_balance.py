@@ -15,11 +15,8 @@ import numpy as np
 from consilience.engine import TrajectoryAnswer
 from consilience.errors import NumericalFailure
 from consilience.mechanism import (
-    GROUND,
     Array,
-    Contact,
     Mechanism,
-    SphereSphere,
     kinetic_energies,
     load_potentials,
     potential_energies,
@@ -55,16 +52,6 @@ def is_conservative(mechanism: Mechanism) -> bool:
     )
 
 
-def yields_to_a_turning_normal(contact: Contact) -> bool:
-    """Return whether a contact is compliant, has friction, and a normal that may turn in the world.
-
-    While it sticks, its shapes approach along a normal that turns. The derivatives of its tangential rates leave out
-    that the tangents turn, too; projections make up for it, and their work is in no loss: it is not checked.
-    """
-    turns = isinstance(contact, SphereSphere) or contact.partner != GROUND
-    return contact.compliance is not None and max(contact.friction, contact.static_friction or 0.0) > 0.0 and turns
-
-
 def refuse_lost_energy(
     equations: ContactEquations, answer: TrajectoryAnswer, samples: Samples, speed: float, tolerance: float
 ) -> None:
@@ -87,7 +74,7 @@ def refuse_lost_energy(
         With the first time, and the amount.
     """
     mechanism = equations.layout.mechanism
-    if not is_conservative(mechanism) or any(yields_to_a_turning_normal(c) for c in mechanism.contacts):
+    if not is_conservative(mechanism):
         return
     states, turns, spent = samples.spent()
     motion = SampledMotion(answer.p_WB, rotation_from_quaternion(answer.quat_WB), answer.v_WB_W, answer.w_WB_W)

@@ -4,7 +4,7 @@ With the arms ``r`` from the centres of mass of both bodies to one contact point
 shapes are apart or overlap, so that a force and its reaction have one line of action,
 
     u = v + w x r - v_p - w_p x r_p,     g' = n . u,     u' = J a + gamma,     gamma = w x r' - w_p x r_p',
-    g'' = n . u' + n' . u.
+    g'' = n . u' + n' . u,     (t . u)' = t . u' + t' . u.
 
 The arms of a pair do not turn with their bodies, and so each pair gives its own r':
 
@@ -130,6 +130,18 @@ def _directions(tangent: Vector, n: Vector) -> tuple[Vector, Vector]:
 
 
 @inner
+def _turning(tangent: Vector, w_p: Vector, n: Vector, n_dot: Vector, t1: Vector) -> Vector:
+    """Return the angular velocity of the frame n, t1, t2, whose tangent turns with the partner."""
+    t2 = cross(n, t1)
+    along = dot(tangent, t1)
+    if along < 1e-6:  # t1 of another vector
+        tangent = (tangent[1], tangent[2], tangent[0])
+        along = dot(tangent, t1)
+    about = (dot(cross(w_p, tangent), t2) - dot(tangent, n) * dot(n_dot, t2)) / along
+    return add(cross(n, n_dot), scale(about, n))
+
+
+@inner
 def _lowest(pair: Any, s: Vector, a: Vector, w: Vector, n: Vector, n_dot: Vector) -> tuple[Vector, Vector]:
     """Return the arm from the centre of mass to the lowest point of a sphere or disc, and its rate.
 
@@ -187,7 +199,9 @@ def _move_pair(pair: Any, k: int, y: Array, A: Array, found: RowMotion) -> None:
     c, v, w = motion(y, A, b)
     _, v_p, w_p = motion(y, A, p)
     gap, n, n_dot, r, r_dot, r_p, r_p_dot = _contact_point(pair, y, A)
-    t1, t2 = _directions(arm(A, p, load(pair.tangent)), n)
+    tangent = arm(A, p, load(pair.tangent))
+    t1, t2 = _directions(tangent, n)
+    turning = _turning(tangent, w_p, n, n_dot, t1)
     u = sub(add(v, cross(w, r)), add(v_p, cross(w_p, r_p)))
     gamma = sub(cross(w, r_dot), cross(w_p, r_p_dot))
     turn = sub(w, w_p)
@@ -199,7 +213,7 @@ def _move_pair(pair: Any, k: int, y: Array, A: Array, found: RowMotion) -> None:
     store(found.frame[k, 2], t2, 1.0)
     for axis in range(3):
         e, row = load(found.frame[k, axis]), 3 * k + axis
-        found.u[row], found.bias[row] = dot(e, u), dot(e, gamma) + (dot(n_dot, u) if axis == 0 else 0.0)
+        found.u[row], found.bias[row] = dot(e, u), dot(e, gamma) + dot(cross(turning, e), u)
         add_coefficients(found.J, row, A, b, 1.0, e, cross(r, e))
         add_coefficients(found.J, row, A, p, -1.0, e, cross(r_p, e))
         if pair.turning >= 0:
