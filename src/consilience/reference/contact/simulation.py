@@ -9,8 +9,8 @@ refined by steps that *end* at the instant, with the error of the integrator ins
 - the modes of all that touches are decided anew (`lasting`). The event itself has a consequence: a contact whose force
   vanished opens, one at the boundary of its cone starts to slide against its force, one whose slip vanished has none.
 
-Bounces that accumulate end by the rule of `bounces`; contacts that accumulate in another way close below `_CRAWL` of
-the speeds.
+Bounces that accumulate end by the rule of `bounces`, alone or together; contacts that accumulate in another way close
+below `_CRAWL` of the speeds.
 """
 
 from __future__ import annotations
@@ -335,24 +335,21 @@ class ContactSimulation:
                 stepper.halt(resting)
                 continue
             taking = touching & ((rate <= still) | lifts)
-            restitution = self.layout.rebounds(-rate)
-            for n in np.flatnonzero(taking & (rate < 0.0)):
-                restitution[n] = self._restitution(int(n), -float(rate[n]), float(restitution[n]))
+            restitution = self._restitution(rate, strikes, response)
             with telling_time(self.stepper.t):
                 impact = apply_impact(self.equations, response, stepper, taking, restitution, still, self.law)
             self.impacts.append(impact)
-            for n in np.flatnonzero(strikes):
-                self.bounces.add(int(n), -float(rate[n]))
             loss = impact.energy - impact.energy_after
             stepper.place(impact.after, stepper.contact_forces(impact.force), loss)
         raise NumericalFailure(f"{_CHAIN} impacts at the instant t = {stepper.t:.12g} s: velocities do not settle")
 
-    def _restitution(self, n: int, speed: float, e: float) -> float:
-        """Return the restitution of an impact of normal n, e but for its last: zero."""
-        if speed < _CRAWL * self.speed:
-            return 0.0
-        rest = self.bounces.last(n, speed)
-        if rest is None:
-            return e
-        self.samples.add(self.stepper.t + rest, "bounces end", int(self.layout.site[self.layout.normals[n]]))
-        return 0.0
+    def _restitution(self, rate: Array, strikes: Array, response: Response) -> Array:
+        """Return the restitution of each normal at its rate (n_n,): zero at its last impact."""
+        found, stepper, gap = self.layout.rebounds(-rate), self.stepper, self.equations.rows.gap[self.layout.gaps]
+        ends = self.bounces.add(stepper.t, strikes, gap, rate, stepper.modes.closed, response.K)
+        for n, after in ends.items():
+            found[n] = 0.0
+            if after is not None:
+                self.samples.add(stepper.t + after, "bounces end", int(self.layout.site[self.layout.normals[n]]))
+        found[-rate < _CRAWL * self.speed] = 0.0
+        return found

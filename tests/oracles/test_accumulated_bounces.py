@@ -1,0 +1,114 @@
+"""Ends of bounces that accumulate against dry friction of a joint, and between the two walls of a groove."""
+
+import numpy as np
+import pytest
+
+from consilience.errors import NumericalFailure
+from consilience.mechanism import (
+    GROUND,
+    Body,
+    DryFriction,
+    Frame,
+    Joint,
+    Mechanism,
+    PointPlane,
+    SpherePlane,
+    State,
+    quaternion_from_rotation,
+)
+from consilience.reference.contact import simulate_with_contacts
+from consilience.reference.contact.bounces import Bounces
+from consilience.reference.contact.layout import layout_of
+from contact_problems import BALL, LEVEL, G, Lab
+from oracles.closed_forms.grooves import end_in_groove
+
+LAB = Lab()
+MASS, RADIUS = 2.0, 0.1
+
+
+def ends(events):
+    return [event.time for event in events if event.kind == "bounces end"]
+
+
+@pytest.mark.parametrize(("e", "bound"), [(0.5, 0.3), (0.5, 1.0), (0.5, 5.0), (0.8, 1.0), (0.8, 5.0), (0.95, 1.0)])
+def test_bounces_against_dry_friction_end_with_the_sum_of_their_flights(e, bound):
+    """Up it is slowed by ``g + C/m``, down pulled by ``g - C/m``: speeds and flights fall by ``e sqrt(down/up)``."""
+    up, down, height = G + bound / MASS, G - bound / MASS, 0.3
+    speed, r = np.sqrt(2.0 * down * height), e * np.sqrt(down / up)
+    end = speed / down + e * speed * (1.0 / up + 1.0 / np.sqrt(up * down)) / (1.0 - r)
+    turn = LAB.axes @ LAB.principal.T
+    inertia = LAB.principal @ np.diag(BALL) @ LAB.principal.T
+    top = LAB.origin + height * LAB.axes[:, 2]
+    home = Frame(top - turn @ LAB.com, turn)
+    body = Body("slider", MASS, LAB.com, 0.5 * (inertia + inertia.T), home)
+    joint = Joint("rail", "prismatic", GROUND, "slider", Frame(top, LAB.axes), Frame(LAB.com, LAB.principal))
+    foot = PointPlane("foot", "slider", LAB.com, GROUND, LAB.origin, LAB.axes[:, 2], restitution=e)
+    brake = DryFriction("brake", "rail", "distance", bound=bound)
+    mechanism = Mechanism("braked", LAB.axes @ LEVEL, (body,), (joint,), contacts=(foot,), dry_frictions=(brake,))
+    still = np.zeros((1, 3))
+    start = State(home.p[None], quaternion_from_rotation(turn)[None], still, still)
+    answer, events = simulate_with_contacts(mechanism, start, np.array([0.0, end + 0.1]))
+    assert ends(events) == pytest.approx([end], abs=1e-11)
+    assert answer.contact_loss[-1] == pytest.approx(MASS * G * height, abs=1e-12)
+    assert not [event for event in events if event.kind == "closes"]
+
+
+def groove(slopes, e, place, velocity, radius):
+    """Body of the lab between two smooth walls whose bottom its centre reaches at the origin, and its start."""
+    contacts = []
+    for name, side, slope in zip("lr", (1.0, -1.0), slopes, strict=True):
+        normal = LAB.axes @ [side * np.sin(slope), 0.0, np.cos(slope)]
+        at = LAB.origin - radius * normal
+        if radius:
+            contacts.append(SpherePlane(name, "body", LAB.com, radius, GROUND, at, normal, restitution=e))
+        else:
+            contacts.append(PointPlane(name, "body", LAB.com, GROUND, at, normal, restitution=e))
+    start = LAB.state((place[0], 0.0, place[1]), (velocity, 0.2, 0.0))
+    return LAB.free_body(MASS, BALL, LEVEL, contacts), start
+
+
+@pytest.mark.parametrize("duration", [3.0, 6.0, 12.0])
+@pytest.mark.parametrize("radius", [0.0, RADIUS])
+@pytest.mark.parametrize(
+    ("slopes", "e", "place", "velocity"),
+    [
+        ((0.5, 0.5), 0.5, (0.05, 0.3), 0.0),
+        ((0.7, 0.7), 0.6, (0.03, 0.2), 0.0),  # each wall is struck before the bounces on the other are over
+        ((0.6, 0.8), 0.6, (0.02, 0.3), 0.1),
+        ((0.6, 0.8), 0.7, (0.02, 0.3), 0.1),
+    ],
+)
+def test_bounces_in_a_groove_end_together_whatever_the_duration(slopes, e, place, velocity, radius, duration):
+    mechanism, start = groove(slopes, e, place, velocity, radius)
+    end = end_in_groove(slopes, e, place, (velocity, 0.0), G)
+    answer, events = simulate_with_contacts(mechanism, start, np.array([0.0, duration]))
+    assert ends(events)[-1] == pytest.approx(end, abs=1e-9)
+    p, v, w = LAB.centre(answer)
+    assert p == pytest.approx([0.0, 0.2 * duration, 0.0], abs=1e-10)
+    assert v == pytest.approx([0.0, 0.2, 0.0], abs=1e-11)
+    assert w == pytest.approx(np.zeros(3), abs=1e-11)
+    assert answer.contact_loss[-1] == pytest.approx(MASS * (G * place[1] + 0.5 * velocity**2), abs=1e-9)
+    assert answer.contact_mode[-1].tolist() == [1, 1]
+    weight = LAB.axes.T @ np.sum(answer.contact_impulse, axis=(0, 1))
+    assert weight == pytest.approx(MASS * np.array([-velocity, 0.0, G * duration]), abs=1e-9)
+
+
+def test_bounces_in_a_groove_whose_end_is_a_matter_of_rounding_are_refused():
+    """Each impact amplifies what is left of the rounding before it, until the order of the walls depends on it."""
+    mechanism, start = groove((0.85, 0.49), 0.77, (0.0, 0.3), 0.15, 0.0)
+    with pytest.raises(NumericalFailure, match=r"contact 'l', contact 'r', t = .* accumulate together"):
+        simulate_with_contacts(mechanism, start, np.array([0.0, 4.0]))
+
+
+def test_low_impacts_without_end_are_refused():
+    bounces = Bounces(layout_of(LAB.free_body(MASS, BALL, LEVEL, [LAB.sphere(RADIUS, restitution=0.5)])), 1.0)
+
+    def strike(n):
+        rate = -1e-6 * np.array([1.0 + n % 2])
+        return bounces.add(1e-6 * n, np.array([True]), np.zeros(1), rate, np.array([False]), np.eye(3, 6))
+
+    assert [strike(n) for n in range(9)] == 8 * [{}] + [{0: None}]  # the first has no flight before it
+    for n in range(9, 1001):
+        strike(n)
+    with pytest.raises(NumericalFailure, match=r"contact 'ball', t = .* they do not end"):
+        strike(1001)
