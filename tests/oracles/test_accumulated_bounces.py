@@ -1,5 +1,7 @@
 """Ends of bounces that accumulate against dry friction of a joint, and between the two walls of a groove."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from consilience.errors import NumericalFailure
 from consilience.mechanism import (
     GROUND,
     Body,
+    BoxPlane,
     DryFriction,
     Frame,
     Joint,
@@ -15,6 +18,8 @@ from consilience.mechanism import (
     SpherePlane,
     State,
     quaternion_from_rotation,
+    quaternion_from_rotation_vector,
+    rotation_from_quaternion,
 )
 from consilience.reference.contact import simulate_with_contacts
 from consilience.reference.contact.bounces import Bounces
@@ -112,3 +117,56 @@ def test_low_impacts_without_end_are_refused():
         strike(n)
     with pytest.raises(NumericalFailure, match=r"contact 'ball', t = .* they do not end"):
         strike(1001)
+
+
+def thrown_box(friction, restitution, turn, spin):
+    """A lumpy box that falls onto a floor from a height of 0.6 m, turned and turning."""
+    inertia = np.array([[0.022, 0.002, 0.002], [0.002, 0.032, 0.002], [0.002, 0.002, 0.042]])
+    here = Frame(np.zeros(3), np.eye(3))
+    body = Body("box", 1.0, np.array([0.012, -0.015, 0.008]), inertia, here)
+    floor = BoxPlane(
+        "floor",
+        "box",
+        np.zeros(3),
+        np.array([0.3, 0.2, 0.1]),
+        GROUND,
+        np.zeros(3),
+        np.array([0.0, 0.0, 1.0]),
+        friction=friction,
+        restitution=restitution,
+    )
+    flight = Joint("flight", "free", GROUND, "box", here, here)
+    mechanism = Mechanism("thrown", np.array([0.0, 0.0, -9.81]), (body,), (flight,), contacts=(floor,))
+    quat = quaternion_from_rotation_vector(np.array(turn))[None]
+    return mechanism, State(np.array([[0.0, 0.0, 0.6]]), quat, np.zeros((1, 3)), np.array([spin]))
+
+
+@pytest.mark.parametrize("turn", [(0.2, -0.3, 0.4), (-0.5, 0.1, 0.2), (0.35, 0.3, -0.1)])
+def test_a_box_without_friction_settles_on_its_corners_with_its_momentum(turn):
+    """Forces are vertical: the centre of mass keeps its velocity along the floor, and the box its momentum about it.
+
+    Its bounces on four corners accumulate together, mostly without a ratio.
+    """
+    mechanism, start = thrown_box(0.0, 0.5, turn, (0.6, -0.9, 1.1))
+    times = np.linspace(0.0, 2.5, 6)
+    answer, _ = simulate_with_contacts(mechanism, start, times, 1e-11)
+    body = mechanism.bodies[0]
+    R = rotation_from_quaternion(np.concatenate([start.quat_WB, answer.quat_WB[-1]]))
+    assert np.max(np.abs(answer.contact_gap[-1])) < 1e-9
+    np.testing.assert_allclose(np.abs(R[1] @ np.array([0.0, 0.0, 1.0])), [0.0, 0.0, 1.0], atol=1e-9)  # on a large face
+    momentum = (R[0] @ body.inertia @ R[0].T @ start.w_WB_W[0])[2]
+    right = [0.0, 0.0, momentum / (R[1] @ body.inertia @ R[1].T)[2, 2]]
+    np.testing.assert_allclose(answer.w_WB_W[-1, 0], right, atol=1e-9)
+    drift = np.cross(start.w_WB_W[0], R[0] @ body.com) * times[-1]
+    moved = answer.p_WB[-1, 0] + R[1] @ body.com - start.p_WB[0] - R[0] @ body.com
+    np.testing.assert_allclose(moved[:2], drift[:2], atol=1e-9)
+
+
+def test_a_slip_that_turns_for_long_close_to_zero_is_refused_soon():
+    """Beside an edge that slides a corner comes so close to rest that its slip turns within steps of 1e-11 s."""
+    turn, spin = (0.22135139, -0.02523439, -0.2357725), (0.40963783, 0.82985531, -1.64302337)
+    mechanism, start = thrown_box(0.4, 0.3, turn, spin)
+    body = replace(mechanism.bodies[0], com=np.array([-0.01258576, -0.00976012, -0.01426627]))
+    mechanism = replace(mechanism, bodies=(body,))
+    with pytest.raises(NumericalFailure, match=r"steps have not repeated one of \S+ s: slip turns too fast"):
+        simulate_with_contacts(mechanism, start, np.linspace(0.0, 1.5, 16), 1e-10)

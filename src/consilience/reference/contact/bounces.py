@@ -16,8 +16,9 @@ the ratios agreed best upon.
 `_RESOLVED` of those, tell the same r and the same end; that one counts on which two agreed best. Once nothing flies
 higher until then than `_TOGETHER` of those, all of them have e = 0 until the end, and while their flights are low.
 
-A normal alone whose `_UNSETTLED` low impacts have found no ratio has e = 0 from there on, while they are low. Normals
-together without a ratio by then are refused by name: their end depends on what rounding makes of the motion.
+A normal whose `_UNSETTLED` low impacts have found no ratio has e = 0 from there on, while they are low. Normals
+together without a ratio by then, one of them with friction, are refused by name: what friction takes from them depends
+on what rounding makes of their order. Without friction the velocities at the end do not depend on it.
 """
 
 from __future__ import annotations
@@ -244,7 +245,9 @@ class Bounces:
         return [m for m, mark in enumerate(self._latest) if mark.number > max(first, 0) and coupled[m]]
 
     def _refuse(self, n: int, now: _Instant) -> None:
-        """Refuse bounces of several, normal n among them, whose end nothing foresees.
+        """Refuse bounces of several with friction, normal n among them, whose end nothing foresees.
+
+        Without friction the velocities at the end are the projection onto what all of them leave, in any order.
 
         Raises
         ------
@@ -252,7 +255,9 @@ class Bounces:
         """
         struck = np.array([mark.number >= 0 for mark in self._latest]) & self._coupled(n, now)
         several = self._recent(n, now)
-        rows = self._layout.normal_rows[several if len(several) > 1 else np.flatnonzero(struck)]
+        rows = self._layout.normal_rows[several if len(several) > 1 else np.flatnonzero(struck)].tolist()
+        if not any(one.load in rows for one in self._layout.friction):
+            return
         raise NumericalFailure(
             f"{', '.join(dict.fromkeys(self._layout.names[row] for row in rows))}, t = {now.time:.12g} s: bounces "
             "accumulate together, and no ratio from one to the next tells when they end"

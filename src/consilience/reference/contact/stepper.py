@@ -45,6 +45,9 @@ _NUDGE = 1e-6
 _DRIFT = 30.0
 """Turn of a slip along a line that errors of the integration bring about, rad, over the tolerance."""
 
+_MOST_PIECES = 10_000
+"""Largest number of steps that repeat one: a slip close to zero turns within 1e-11 s, and may do so for long."""
+
 _KINDS = np.repeat([DISTANCE, ANGLE, SPEED, SPIN], [3, 4, 3, 3])
 """Kinds of the components of a packed body."""
 
@@ -366,6 +369,9 @@ class Stepper:
         planned, self._h = self._h, t - start
         pieces: list[tuple[float, _Dense]] = []
         while self.t < t and not (pieces and ended() is not None):
+            if len(pieces) == _MOST_PIECES:
+                what = f"{_MOST_PIECES} steps have not repeated one of {t - start:.3g} s: slip turns too fast"
+                raise NumericalFailure(f"reference with contacts, t = {self.t:.12g} s: {what}")
             self.advance(t)
             pieces += self._pieces
         self._pieces, self._before, self.started = pieces, (start, Y, turns), start
