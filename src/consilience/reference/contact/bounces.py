@@ -16,9 +16,9 @@ the ratios agreed best upon.
 `_RESOLVED` of those, tell the same r and the same end; that one counts on which two agreed best. Once nothing flies
 higher until then than `_TOGETHER` of those, all of them have e = 0 until the end, and while their flights are low.
 
-A normal whose `_UNSETTLED` low impacts have found no ratio has e = 0 from there on, while they are low. Normals
-together without a ratio by then, one of them with friction, are refused by name: what friction takes from them depends
-on what rounding makes of their order. Without friction the velocities at the end do not depend on it.
+A normal whose `_UNSETTLED` low impacts have found no ratio has e = 0 from there on, while they are low: what is left of
+the impulses then falls into the force of the closed contact. Of several with friction it may fall into another one than
+in the order that rounding would have made of their impacts.
 """
 
 from __future__ import annotations
@@ -131,7 +131,7 @@ class Bounces:
         Raises
         ------
         NumericalFailure
-            Impacts go on without end, or nothing tells the end of those of several.
+            Impacts go on without end.
         """
         now, rest = _Instant(time, gaps, rates, closed, K), Rests()
         restitution = self._layout.restitution
@@ -211,8 +211,6 @@ class Bounces:
             return together.end, set(together.group)
         late = self._low[n] >= _UNSETTLED
         self._over[n] |= late
-        if late and together is None and len(self._recent(n, now)) > 1:
-            self._refuse(n, now)
         if len(file) <= _TIMES:
             return None
         time, speed = np.array([mark[:2] for mark in file]).T
@@ -234,34 +232,8 @@ class Bounces:
         if self._disturbed(n, after, now):
             if not late:
                 return None
-            if together is None:
-                self._refuse(n, now)
             self._blurred |= self._coupled(n, now)
         return now.time + after, group
-
-    def _recent(self, n: int, now: _Instant) -> list[int]:
-        """Return normal n and those that answer to it with impacts among the last ones."""
-        first, coupled = self._number - 2 * _UNSETTLED, self._coupled(n, now)
-        return [m for m, mark in enumerate(self._latest) if mark.number > max(first, 0) and coupled[m]]
-
-    def _refuse(self, n: int, now: _Instant) -> None:
-        """Refuse bounces of several with friction, normal n among them, whose end nothing foresees.
-
-        Without friction the velocities at the end are the projection onto what all of them leave, in any order.
-
-        Raises
-        ------
-        NumericalFailure
-        """
-        struck = np.array([mark.number >= 0 for mark in self._latest]) & self._coupled(n, now)
-        several = self._recent(n, now)
-        rows = self._layout.normal_rows[several if len(several) > 1 else np.flatnonzero(struck)].tolist()
-        if not any(one.load in rows for one in self._layout.friction):
-            return
-        raise NumericalFailure(
-            f"{', '.join(dict.fromkeys(self._layout.names[row] for row in rows))}, t = {now.time:.12g} s: bounces "
-            "accumulate together, and no ratio from one to the next tells when they end"
-        )
 
     def _is_low(self, one: _Foreseen, n: int, now: _Instant) -> bool:
         """Return whether a group whose end is foreseen flies too low until then, or is low after it."""
