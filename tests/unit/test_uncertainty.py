@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from consilience.audit.coverage import Skipped, Trial, coverage, exit_code, factor_of, ladder_trials, table
-from consilience.case import Case
+from consilience.case import Case, load_case
 from consilience.compare.horizon import PERTURBATION, growth, judged_samples
 from consilience.compare.motion import OBSERVABLES, Scales, difference_over_time
 from consilience.compare.uncertainty import band, estimates, finest_order, needs_another_level, settled
@@ -16,11 +16,14 @@ from consilience.engine.worker.client import Reply
 from consilience.engine.worker.requests import Plan
 from consilience.mechanism import (
     Initial,
+    closing_rows,
     constraint_jacobian,
     constraint_rates,
     constraint_residual,
     displaced_states,
     initial_state,
+    refuse_overlap,
+    strikes,
 )
 from consilience.reference import simulate
 from consilience.suite.engine_runs import EngineCase
@@ -145,6 +148,17 @@ def test_displaced_states_are_near_and_consistent(mechanism):
         velocity = np.hstack([state.v_WB_W, state.w_WB_W]).ravel()
         slip = constraint_jacobian(mechanism, state) @ velocity - constraint_rates(mechanism, 0.0)
         assert np.max(np.abs(slip), initial=0.0) < 1e-12 * max(1.0, np.max(np.abs(velocity)))
+
+
+@pytest.mark.parametrize("name", ["ball_rolls", "tripod", "pulled_boxes", "trough_slides"])
+def test_displaced_states_leave_closed_what_is_closed(name):
+    """An overlap of 1e-9 m is none of a start, and the motion from there has no answer."""
+    case = load_case(name)
+    for state in displaced_states(case.mechanism, case.initial_state, PERTURBATION, 3, seed=1):
+        assert np.max(np.abs(state.p_WB - case.initial_state.p_WB)) > 1e-3 * PERTURBATION
+        refuse_overlap(case.mechanism, state)
+        assert len(closing_rows(case.mechanism, state)) == len(closing_rows(case.mechanism, case.initial_state)) > 0
+        assert not strikes(case.mechanism, state)
 
 
 def test_growth_is_that_of_an_inverted_pendulum():

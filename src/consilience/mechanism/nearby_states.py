@@ -101,6 +101,22 @@ def states_in_motion(mechanism: Mechanism, start: State, seed: int, speed: float
     return [start, State(start.p_WB, start.quat_WB, v, w)]
 
 
+def _closed(mechanism: Mechanism, state: State, y: Array, rows: Array | None = None) -> Array:
+    """Return the part of a free motion y, (6 n_b,) in lengths of the mechanism, that leaves closed what is closed.
+
+    Nothing moves along other `rows`, shape (n, 6 n_b), either.
+    """
+    sizes, closing = velocity_sizes(mechanism), closing_rows(mechanism, state)
+    rows = (closing if rows is None else np.concatenate([closing, rows])) * sizes
+    if not len(rows):
+        return y
+    rows /= np.linalg.norm(rows, axis=1, keepdims=True)
+    free = null_space(scaled_jacobian(mechanism, state))
+    along = rows @ free
+    along[np.linalg.norm(along, axis=1) <= RANK_TOLERANCE] = 0.0  # the joints hold these gaps
+    return np.asarray(y - free @ np.linalg.lstsq(along, rows @ y, rcond=RANK_TOLERANCE)[0])
+
+
 def _sliding(mechanism: Mechanism, start: State, velocity: Array) -> State:
     """Return the pose of a state with the admissible velocity nearest to a given one, (6 n_b,), in closed contacts.
 
@@ -108,13 +124,9 @@ def _sliding(mechanism: Mechanism, start: State, velocity: Array) -> State:
     """
     v, w = velocity.reshape(-1, 6)[:, :3], velocity.reshape(-1, 6)[:, 3:]
     state = assemble_velocities(mechanism, State(start.p_WB, start.quat_WB, v, w))
-    sizes, free = velocity_sizes(mechanism), null_space(scaled_jacobian(mechanism, start))
+    sizes = velocity_sizes(mechanism)
     y = np.hstack([state.v_WB_W, state.w_WB_W]).ravel() / sizes
-    rows = np.concatenate([closing_rows(mechanism, start), sharing_rows(mechanism, start)]) * sizes
-    rows /= np.linalg.norm(rows, axis=1, keepdims=True)
-    along = rows @ free
-    along[np.linalg.norm(along, axis=1) <= RANK_TOLERANCE] = 0.0  # the joints hold these gaps
-    y -= free @ np.linalg.lstsq(along, rows @ y, rcond=RANK_TOLERANCE)[0]
+    y = _closed(mechanism, start, y, sharing_rows(mechanism, start))
     twists = (sizes * y).reshape(-1, 6)
     return State(start.p_WB, start.quat_WB, twists[:, :3], twists[:, 3:])
 
@@ -130,6 +142,8 @@ def displaced_states(
     mechanism: Mechanism, start: State, size: float, count: int, seed: int = 0, rate: float = 1.0
 ) -> list[State]:
     """Return consistent states near `start`: poses and velocities changed in random free directions.
+
+    What is closed at the start stays closed, and does not turn on more than three contacts of one pair on one plane.
 
     Parameters
     ----------
@@ -151,11 +165,11 @@ def displaced_states(
     sizes = velocity_sizes(mechanism)
     states = []
     for _ in range(count):
-        step = _free_motion(mechanism, start, rng, holonomic=True)
+        step = _closed(mechanism, start, _free_motion(mechanism, start, rng, holonomic=True))
         if not np.any(step):
             break
         placed = assemble_positions(mechanism, move(start, size * sizes * step / np.linalg.norm(step)))
-        push = _free_motion(mechanism, placed, rng)
+        push = _closed(mechanism, placed, _free_motion(mechanism, placed, rng), sharing_rows(mechanism, placed))
         change = (rate * size * sizes * push / max(float(np.linalg.norm(push)), 1e-300)).reshape(-1, 6)
         moving = State(placed.p_WB, placed.quat_WB, placed.v_WB_W + change[:, :3], placed.w_WB_W + change[:, 3:])
         states.append(assemble_velocities(mechanism, moving))
