@@ -142,6 +142,8 @@ def test_a_cone_that_lifts_what_slides_pushes_an_even_ball_along_its_slip_alone(
     slides = np.full((len(TIMES), 1), CONTACT_MODES.index("sliding"))
     motion = replace(YARD, answer=replace(TRUE, contact_mode=slides))
     assert motion.slides_or_hits(mechanism) != excepted
+    on_a_rail = replace(mechanism, joints=(replace(free, kind="planar"),))
+    assert motion.slides_or_hits(on_a_rail)
 
 
 def test_an_order_that_does_not_settle_is_followed_to_the_end():

@@ -39,7 +39,7 @@ _OF_TIME = {
 }
 """Functions of time, by kind of element."""
 
-TENTH = 0.1
+_TURN = 0.1
 """Angle in rad that a random velocity turns a body in one sample: as fast as the samples resolve well."""
 
 _SLOWEST = 1e-4
@@ -159,13 +159,13 @@ class Case:
         """States of the question `instant`: the initial one, unless something strikes there, then random ones."""
         start = self.initial_state
         first = [] if strikes(self.mechanism, start) else [start]
-        return [*first, *random_states(self.mechanism, start, self.instants - len(first), self.seed, self._speed)]
+        return [*first, *random_states(self.mechanism, start, self.instants - len(first), self.seed, self.speed)]
 
     @property
-    def _speed(self) -> float:
-        """Speed of random states, characteristic lengths per s: a tenth in a sample, or what gravity leads to soon."""
+    def speed(self) -> float:
+        """Speed of random states, rad/s and characteristic lengths per s: `_TURN` in a sample, or slow falling."""
         falling = np.linalg.norm(self.mechanism.gravity) / characteristic_length(self.mechanism)
-        return max(TENTH / self.sample, _SLOWEST * float(np.sqrt(falling)))
+        return max(_TURN / self.sample, _SLOWEST * float(np.sqrt(falling)))
 
     @cached_property
     def undrawn(self) -> str:

@@ -81,10 +81,17 @@ Form = Annotated[OutputFormat, typer.Option("-f", "--format", help="How to write
 
 
 def chosen_cases(names: list[str] | None) -> list[Case]:
-    """Load the named cases; all shipped cases if none is named."""
-    from consilience.case import load_cases, shipped_cases
+    """Load the named cases; all shipped cases if none is named.
 
-    return [case for name in names for case in load_cases(name)] if names else shipped_cases()
+    Raises
+    ------
+    InvalidInput
+        If one cannot be read.
+    """
+    found, refused = sound_cases(names)
+    if refused:
+        raise _together(refused)
+    return found
 
 
 def sound_cases(names: list[str] | None) -> tuple[list[Case], list[InvalidInput]]:
@@ -96,7 +103,6 @@ def sound_cases(names: list[str] | None) -> tuple[list[Case], list[InvalidInput]
         If none can be read.
     """
     from consilience.case import load_cases, shipped_cases
-    from consilience.case.file.problems import InvalidCase
 
     if not names:
         return shipped_cases(), []
@@ -108,8 +114,15 @@ def sound_cases(names: list[str] | None) -> tuple[list[Case], list[InvalidInput]
         except InvalidInput as error:
             refused.append(error)
     if not found:
-        raise refused[0] if len(refused) == 1 else InvalidCase(refused)
+        raise _together(refused)
     return found, refused
+
+
+def _together(refused: list[InvalidInput]) -> InvalidInput:
+    """Return one error that tells the first of several, and how many more there are."""
+    from consilience.case.file.problems import InvalidCase
+
+    return refused[0] if len(refused) == 1 else InvalidCase(refused)
 
 
 def tagged_cases(cases: list[Case], tags: list[str] | None) -> list[Case]:

@@ -11,7 +11,7 @@ from consilience.compare.horizon import judged_samples
 from consilience.compare.motion import state_at
 from consilience.compare.power import MotionSensitivity
 from consilience.engine import EVENT_KINDS, TrajectoryAnswer
-from consilience.mechanism import Array, Mechanism, SpherePlane, State, fastest_rate, first_singular
+from consilience.mechanism import GROUND, Array, Mechanism, SpherePlane, State, fastest_rate, first_singular
 
 IMPACT, CLOSES, OPENS, SLIPS = (EVENT_KINDS.index(kind) for kind in ("impact", "closes", "opens", "slips"))
 
@@ -41,13 +41,15 @@ def up_to_shortest(answers: Sequence[TrajectoryAnswer]) -> list[TrajectoryAnswer
 
 
 def _is_even_ball(mechanism: Mechanism) -> bool:
-    """Whether all is one ball on fixed ground, of the same inertia about all axes through its centre.
+    """Whether all is one free ball on fixed ground, of the same inertia about all axes through its centre.
 
     Then normal forces move the contact along the normal alone, and friction moves it alike along all tangents.
     """
-    if len(mechanism.bodies) > 1 or len(mechanism.contacts) > 1 or not isinstance(mechanism.contacts[0], SpherePlane):
+    if any(len(part) > 1 for part in (mechanism.bodies, mechanism.joints, mechanism.contacts)):
         return False
-    ball, body = mechanism.contacts[0], mechanism.bodies[0]
+    ball, body, held = mechanism.contacts[0], mechanism.bodies[0], mechanism.stops or mechanism.dry_frictions
+    if not isinstance(ball, SpherePlane) or ball.partner != GROUND or mechanism.joints[0].kind != "free" or held:
+        return False
     even = np.allclose(body.inertia, body.inertia[0, 0] * np.eye(3), rtol=_EVEN, atol=_EVEN * body.inertia[0, 0])
     return bool(even) and bool(np.linalg.norm(ball.center - body.com) <= _EVEN * ball.radius)
 

@@ -13,7 +13,6 @@ from dataclasses import replace
 import numpy as np
 
 from consilience.case import Case
-from consilience.case.case import TENTH
 from consilience.compare.motion import TINY
 from consilience.compare.power import LEAST, LINEAR, SIZE, STATES, largest_difference
 from consilience.engine import Method, Question, Run
@@ -53,7 +52,7 @@ def sensitive_parameters(ask: AskReference, case: Case, method: Method) -> list[
     kinds: dict[str, list[PhysicalParameter]] = {}
     for parameter in physical_parameters(mechanism, start):
         kinds.setdefault(parameter.kind, []).append(parameter)
-    states = states_in_motion(mechanism, start, case.seed, TENTH / case.sample)
+    states = states_in_motion(mechanism, start, case.seed, case.speed)
     answer = ask(Question.INSTANT, method, 0, None, (mechanism, states)).answer
     if answer is None:
         return []

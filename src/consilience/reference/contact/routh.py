@@ -105,7 +105,7 @@ def poisson_path(G: Array, before: Array, friction: FrictionSet, restitution: fl
     """
     size, unit = float(np.max(np.diag(G))), float(np.linalg.norm(before))
     if size <= 0.0:
-        raise NumericalFailure(f"contact {friction.name}: no impulse moves it, compression has no end")
+        raise NumericalFailure(f"{friction.name}: no impulse moves it, compression has no end")
     contact = _Contact(G / size, friction.kinetic, friction.name)
     point, direction = _follow(contact, _Point(np.zeros(3), before / unit), None)
     until = (1.0 + restitution) * float(point.p[0])
@@ -157,7 +157,7 @@ def _go(contact: _Contact, point: _Point, direction: Array, until: float | None,
     if along < 0.0 and float(start @ start) <= -along * length:
         length, stops = float(start @ start) / -along, True
     if not np.isfinite(length):
-        raise NumericalFailure(f"contact {contact.name}: friction jams during the impact, compression has no end")
+        raise NumericalFailure(f"{contact.name}: friction jams during the impact, compression has no end")
     u = point.u + length * rate
     u[1:] = 0.0 if stops else start + length * rate[1:]
     return _Point(point.p + length * direction, u)
@@ -172,7 +172,7 @@ def _slide(contact: _Contact, point: _Point, until: float | None) -> _Point:
         count += 1
         if count > _MOST:
             raise NumericalFailure(
-                f"contact {contact.name}: Routh's path of the impact is not followed to its end; "
+                f"{contact.name}: Routh's path of the impact is not followed to its end; "
                 f"the slip is {np.exp(z[0]):.3g} of the velocity before, and friction turns and changes it slowly"
             )
         s, phi = np.exp(z[0]), z[1]
@@ -197,7 +197,7 @@ def _slide(contact: _Contact, point: _Point, until: float | None) -> _Point:
     events = (arrives, stops, straightens)
     path = solve_ivp(rates, (0.0, 1.0 / _STOPPED**2), z, method="DOP853", events=events, rtol=1e-13, atol=1e-15)
     if path.status != 1:
-        raise NumericalFailure(f"contact {contact.name}: Routh's path of the impact is not followed: {path.message}")
+        raise NumericalFailure(f"{contact.name}: Routh's path of the impact is not followed: {path.message}")
     z = path.y[:, -1]
     s = 0.0 if len(path.t_events[1]) else np.exp(z[0])
     u = np.array([z[2], s * np.cos(z[1]), s * np.sin(z[1])])
