@@ -5,9 +5,12 @@ import pytest
 
 from consilience.case import load_cases
 from consilience.errors import NumericalFailure
+from consilience.mechanism import GROUND, Body, Frame, Joint, Mechanism, PointPlane, State
 from consilience.reference.contact import simulate_with_contacts, simulation
 from consilience.reference.contact.event_functions import EventFunctions
 from consilience.reference.contact.events import Watch, first_zero, nodes_of
+from consilience.reference.contact.simulation import ContactSimulation
+from consilience.reference.contact.slip_headings import STOPPED
 
 
 @pytest.mark.parametrize("name", ["bowling-backspin", "bounces_that_slide"])
@@ -68,3 +71,28 @@ def test_touching_balls_that_are_hit_ask_for_no_step_but_those_of_the_motion():
         assert [event.kind for event in events] == ["impact", "opens"]
         counts.append(answer.counters["steps"])
     assert max(counts) <= 7  # four of the motion, and the impact
+
+
+def test_feet_that_turn_about_one_axis_halt_together_though_one_moves_faster():
+    """Slips a w and r w, the first slower than what counts as rest: where it halts, so does the other, ten times it."""
+    near, reach, w = 0.2, 2.0, 4e-9
+    X, Y, Z = np.eye(3)
+    here = Frame(np.zeros(3), np.eye(3))
+    table = Body("table", 2.0, 0.1 * X, np.diag([3.0, 3.0, 2.0]), here)
+    weight = Body("weight", 0.7, np.zeros(3), np.diag([0.03, 0.04, 0.05]), here)
+    axis = Joint("axis", "cylindrical", GROUND, "table", here, here)
+    guide = Joint("guide", "prismatic", "table", "weight", Frame(reach * X, np.eye(3)), here)
+    feet = (
+        PointPlane("near", "table", near * Y, GROUND, np.zeros(3), Z, friction=0.3),
+        PointPlane("far", "weight", np.zeros(3), GROUND, np.zeros(3), Z, friction=0.3),
+    )
+    mechanism = Mechanism("turntable", -9.81 * Z, (table, weight), (axis, guide), contacts=feet)
+    still = State(np.array([0 * X, reach * X]), np.tile([1.0, 0, 0, 0], (2, 1)), np.zeros((2, 3)), np.zeros((2, 3)))
+    moving = State(still.p_WB, still.quat_WB, np.array([0 * Y, reach * w * Y]), np.tile(w * Z, (2, 1)))
+    simulation = ContactSimulation(mechanism, moving, np.array([0.0, 1.0]), 1e-10)
+    slips = simulation.equations.rows.u.copy()
+    assert near * w < STOPPED * simulation.speed < reach * w
+    halted, _ = simulation._halt(frozenset([0]), slips)
+    assert halted == [row for one in simulation.layout.friction for row in one.rows]
+    assert not np.any(slips[halted])
+    assert simulation.stepper.state().w_WB_W == pytest.approx(0.0, abs=1e-20)

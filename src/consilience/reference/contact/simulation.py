@@ -265,14 +265,10 @@ class ContactSimulation:
         if not hit:
             touching |= before.closed
         sliding = sliding_rates(self.equations, None if hit or first else before, still)
-        halted: list[int] = []
         for j in started:  # from rest
             at = list(self.layout.friction[j].rows)
             sliding[at] *= float(np.linalg.norm(rows.u[at])) > still
-        for j, one in enumerate(self.layout.friction if stopped else ()):
-            at = list(one.rows)  # what moves as one stops as one
-            if j in stopped or float(np.linalg.norm(sliding[at])) <= STOPPED * self.speed:
-                sliding[at], halted = 0.0, halted + at
+        halted, response = self._halt(stopped, sliding) if stopped else ([], response)
         previous = None if hit or first else before
         with telling_time(self.stepper.t):
             found = self._decide(response, touching, sliding, previous, opened, started)
@@ -284,6 +280,21 @@ class ContactSimulation:
         self.functions.renew(found, self.stepper, self.speed)
         self.quiet.watch(self.functions.watches, found.modes)
         self.bounces.note(found)
+
+    def _halt(self, stopped: frozenset[int], sliding: Array) -> tuple[list[int], Response]:
+        """Halt friction sets, in `sliding` too, with those that move no more then; return their rows, and the response.
+
+        What moves as one stops as one: what is nearly at rest, and what is without those.
+        """
+        stepper, u, still = self.stepper, self.equations.rows.u, STOPPED * self.speed
+        sets = [list(one.rows) for one in self.layout.friction]
+        at_rest = {j for j, at in enumerate(sets) if j in stopped or float(np.linalg.norm(sliding[at])) <= still}
+        stepper.halt([row for j in at_rest for row in sets[j]])
+        response = stepper.respond(stepper.t, stepper.y)
+        at_rest |= {j for j, at in enumerate(sets) if float(np.linalg.norm(u[at])) <= STILL * self._speeds()}
+        halted = [row for j in sorted(at_rest) for row in sets[j]]
+        sliding[halted] = 0.0
+        return halted, response
 
     def _decide(
         self,
