@@ -21,7 +21,7 @@ from consilience.mechanism import (
     quaternion_from_rotation_vector,
     rotation_from_quaternion,
 )
-from consilience.reference.contact import simulate_with_contacts
+from consilience.reference.contact import simulate_with_contacts, stepper
 from consilience.reference.contact.bounces import Bounces
 from consilience.reference.contact.layout import layout_of
 from contact_problems import BALL, LEVEL, G, Lab
@@ -183,11 +183,23 @@ def test_a_box_without_friction_settles_on_its_corners_with_its_momentum(turn):
     np.testing.assert_allclose(moved[:2], drift[:2], atol=1e-9)
 
 
-def test_a_slip_that_turns_for_long_close_to_zero_is_refused_soon():
-    """Beside an edge that slides a corner comes so close to rest that its slip turns within steps of 1e-11 s."""
+def thrown_past_rest():
+    """A box that slides on an edge: a corner comes close to rest, and its slip turns by more than a right angle."""
     turn, spin = (0.22135139, -0.02523439, -0.2357725), (0.40963783, 0.82985531, -1.64302337)
     mechanism, start = thrown_box(0.4, 0.3, turn, spin)
     body = replace(mechanism.bodies[0], com=np.array([-0.01258576, -0.00976012, -0.01426627]))
-    mechanism = replace(mechanism, bodies=(body,))
-    with pytest.raises(NumericalFailure, match=r"steps have not repeated one of \S+ s: slip turns too fast"):
-        simulate_with_contacts(mechanism, start, np.linspace(0.0, 1.5, 16), 1e-10)
+    return replace(mechanism, bodies=(body,)), start
+
+
+def test_friction_never_points_along_a_slip_that_turns_while_a_step_is_repeated():
+    """The motion goes on to where four corners carry the box; friction that pointed on would hold the slip there."""
+    mechanism, start = thrown_past_rest()
+    with pytest.raises(NumericalFailure, match=r"t = 0.4424172.*how the contacts share their load is open"):
+        simulate_with_contacts(mechanism, start, np.linspace(0.0, 0.45, 16), 1e-10)
+
+
+def test_a_step_whose_repetition_asks_for_ever_shorter_ones_ends_the_motion_by_name(monkeypatch):
+    monkeypatch.setattr(stepper, "_MOST_PIECES", 2)
+    mechanism, start = thrown_past_rest()
+    with pytest.raises(NumericalFailure, match=r"2 steps have not repeated one of \S+ s: slip turns too fast"):
+        simulate_with_contacts(mechanism, start, np.linspace(0.0, 0.45, 16), 1e-10)

@@ -61,7 +61,7 @@ class Rims:
                     end = float(nodes[jumps[0]]) if jumps[0] else 0.5 * float(nodes[0] + nodes[1])
                 if not stepper.started < end < stepper.t:
                     raise self._flat(k, stepper.started, float(size[0]))
-                stepper.go_back_to(end, lambda: None)
+                stepper.go_back_to(end, lambda: False)
 
     def refuse_flat(self, stepper: Stepper) -> None:
         """Refuse a last step in which a disc is parallel to its plane.

@@ -147,7 +147,7 @@ class ContactSimulation:
         stepper.advance(bound)
         self.rims.keep_clear(stepper)
         while (back := self.slips.leaves_line(stepper, self.speed)) is not None:
-            stepper.shorten(back, self._halted)
+            stepper.shorten(back, self._ends_early)
         self.speed = self._speeds()
         if any(heading is not None for heading in stepper.modes.heading):
             refuse_jam(self.equations, stepper.modes, (stepper.t, stepper.y, stepper.turns))
@@ -161,17 +161,22 @@ class ContactSimulation:
         t, w = found
         watch = self.functions.watches[w]
         if watch.kind == "slip" and not self._stops(t, watch):
-            stepper.shorten(0.5 * (stepper.started + t), self._halted)
+            stepper.shorten(0.5 * (stepper.started + t), self._ends_early)
             while self.functions.now(w, stepper) <= 0.0:  # it had passed zero there
-                stepper.shorten(0.5 * (stepper.started + stepper.t), self._halted)
+                stepper.shorten(0.5 * (stepper.started + stepper.t), self._ends_early)
             self.functions.armed = armed
             self._settle_halted()
         elif self._end_at(t, w):
             self._record_before()
             self._happens(watch)
         else:
+            self.functions.armed = armed
             self._settle_halted()
         self.at_once.add(stepper.t)
+
+    def _ends_early(self) -> bool:
+        """Return whether a step that is repeated has to end: slip has come to a halt, or turned from its heading."""
+        return self._halted() is not None or self.slips.turned(self.stepper, self.speed)
 
     def _halted(self) -> int | None:
         """Return a friction set that has slipped to a halt by the end of the last step."""
@@ -200,7 +205,7 @@ class ContactSimulation:
         if not np.isfinite(rate):
             rate = float((values[2, w] - values[0, w]) / (ahead - behind))
         for _ in range(4):
-            if not self.stepper.go_back_to(t, self._halted):
+            if not self.stepper.go_back_to(t, self._ends_early):
                 return False
             value = self.functions.now(w, self.stepper)
             if rate >= 0.0 or abs(value) <= 1e-16 * self.functions.watches[w].scale:

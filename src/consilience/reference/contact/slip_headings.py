@@ -21,6 +21,7 @@ STOPPED = 1e-9
 
 _STIFF = 100.0  # acceleration by friction over that of the slip, from which steps are implicit
 _FIRST = 0.05  # part of a step that is repeated where a line is left: slip along a curve asks for shorter ones
+_AWAY = 0.5  # cosine of the angle to its slip from which on a heading has to follow; at zero it would point back
 
 
 class SlipHeadings:
@@ -68,6 +69,14 @@ class SlipHeadings:
             stepper.turn(tuple(heading))
         self.leaving.clear()
         stepper.slow = self._stiff_slip(stepper, speed)
+
+    def turned(self, stepper: Stepper, speed: float) -> bool:
+        """Return whether slip has turned away from its heading by the end of the last step."""
+        for j, slip in self._slips(stepper):
+            size, held = float(np.linalg.norm(slip)), float(self._equations.held[j])
+            if size > max(held, STOPPED * speed) and slip @ self._equations.heading(j) < _AWAY * size:
+                return True
+        return False
 
     def leaves_line(self, stepper: Stepper, speed: float) -> float | None:
         """Return the time at which to end the last step instead, as a slip has left its line within it; or None.

@@ -185,7 +185,7 @@ class Stepper:
         """Repeat the last step with forces that go to others at its end, shape (m,), along with the time."""
         self.equations.choose(self.t, force, (force - self._chosen) / (self.t - self.started))
         self.drifts = True
-        self.go_back_to(self.t, lambda: None)
+        self.go_back_to(self.t, lambda: False)
 
     def forces(self) -> Array:
         """Return the forces on all rows at the time t, shape (m,)."""
@@ -345,7 +345,7 @@ class Stepper:
         dense = solver.dense_output()
         return lambda times: dense(times).T.copy()
 
-    def shorten(self, t: float, ended: Callable[[], object | None]) -> None:
+    def shorten(self, t: float, ends: Callable[[], bool]) -> None:
         """Repeat the last step so that it ends at t, within it (see `go_back_to`).
 
         Raises
@@ -356,19 +356,19 @@ class Stepper:
         if not self.started < t < self.t:
             what = "steps would have to end within what the time resolves: slip turns too fast"
             raise NumericalFailure(f"reference with contacts, t = {t:.12g} s: {what}")
-        self.go_back_to(t, ended)
+        self.go_back_to(t, ends)
 
-    def go_back_to(self, t: float, ended: Callable[[], object | None]) -> bool:
+    def go_back_to(self, t: float, ends: Callable[[], bool]) -> bool:
         """Repeat the last step so that it ends at t, between its start and its end; return whether it does.
 
-        It ends before t where `ended` returns something: slip that has stopped has no direction to step on with.
+        It ends before t where `ends` says so: slip that has stopped, or turned, has no direction to step on with.
         """
         start, Y, turns = self._before
         self.t, self._Y, self._turns = start, Y.copy(), turns.copy()
         self._forget()
         planned, self._h = self._h, t - start
         pieces: list[tuple[float, _Dense]] = []
-        while self.t < t and not (pieces and ended() is not None):
+        while self.t < t and not (pieces and ends()):
             if len(pieces) == _MOST_PIECES:
                 what = f"{_MOST_PIECES} steps have not repeated one of {t - start:.3g} s: slip turns too fast"
                 raise NumericalFailure(f"reference with contacts, t = {self.t:.12g} s: {what}")
