@@ -25,6 +25,7 @@ from consilience.reference.bodies.arrays import pack
 from consilience.reference.contact import simulate_with_contacts
 from consilience.reference.contact.equations import ContactEquations
 from consilience.reference.contact.layout import layout_of
+from consilience.reference.contact.simulation import ContactSimulation
 
 HERE = Frame(np.zeros(3), np.eye(3))
 INERTIA = np.array([[0.4, 0.02, -0.01], [0.02, 0.5, 0.03], [-0.01, 0.03, 0.6]])
@@ -71,21 +72,44 @@ def test_biases_are_rates_of_the_rates_of_bodies_that_do_not_accelerate(contact,
     np.testing.assert_allclose(bias, (4.0 * near - far) / 3.0, atol=1e-9 * max(1.0, np.max(np.abs(bias))))
 
 
-def test_a_soft_contact_that_sticks_on_a_turning_plane_keeps_its_energy():
-    """The spring stores energy, friction that sticks takes none: kinetic energy and that of the spring are constant."""
-    stiff = Compliance(stiffness=400.0)
-    contact = replace(SHAPES["sphere on plane"], friction=50.0, compliance=stiff)
-    one = mechanism(contact)
+STIFF = Compliance(stiffness=400.0)
+
+
+def soft_landing(friction):
+    """The pair with a soft contact that has just closed, on a plane that turns."""
+    one = mechanism(replace(SHAPES["sphere on plane"], friction=friction, compliance=STIFF))
     n = NORMAL / np.linalg.norm(NORMAL)
     place = POINT + 0.1 * n - AT  # the sphere touches the plane
     places, spin, still = np.array([place, np.zeros(3)]), np.array([[0.4, 0.3, -0.2]] * 2), [[1.0, 0.0, 0.0, 0.0]] * 2
     closing = np.array([-0.3 * n, np.zeros(3)])
-    start = State(places, np.array(still), closing + np.cross(spin, places), spin)
+    return one, State(places, np.array(still), closing + np.cross(spin, places), spin)
+
+
+@pytest.mark.parametrize("friction", [0.01, 50.0], ids=["slides", "sticks"])
+def test_accelerations_of_rows_are_rates_of_their_rates_where_the_state_gives_forces(friction):
+    """The spring's force acts once: it is among the forces, and in the free accelerations."""
+    one, start = soft_landing(friction)
+
+    def at(time):
+        run = ContactSimulation(one, start, np.array([0.0, time]), 1e-13)
+        run.integrate()
+        response = run.stepper.respond(run.stepper.t, run.stepper.y)
+        return run.equations.rows.u.copy(), response.accelerations(run.stepper.forces())
+
+    time, h = 0.03, 1e-4
+    near, far = ((at(time + k * h)[0] - at(time - k * h)[0]) / (2.0 * k * h) for k in (1.0, 2.0))
+    found = at(time)[1]
+    np.testing.assert_allclose(found, (4.0 * near - far) / 3.0, atol=1e-7 * np.max(np.abs(found)))
+
+
+def test_a_soft_contact_that_sticks_on_a_turning_plane_keeps_its_energy():
+    """The spring stores energy, friction that sticks takes none: kinetic energy and that of the spring are constant."""
+    one, start = soft_landing(50.0)
     times = np.linspace(0.0, 0.05, 11)
     answer, _ = simulate_with_contacts(one, start, times, 1e-11)
     assert np.all(answer.contact_mode[1:, 0] == 2)  # it sticks
     energies = []
     for k in range(len(times)):
         at = State(answer.p_WB[k], answer.quat_WB[k], answer.v_WB_W[k], answer.w_WB_W[k])
-        energies.append(kinetic_energy(one, at) + 0.5 * stiff.stiffness * min(0.0, answer.contact_gap[k, 0]) ** 2)
+        energies.append(kinetic_energy(one, at) + 0.5 * STIFF.stiffness * min(0.0, answer.contact_gap[k, 0]) ** 2)
     np.testing.assert_allclose(energies, energies[0], rtol=1e-9)

@@ -99,15 +99,14 @@ def decide_lasting(
         equations.offsets[sets] = [one.offset for one in problem.friction]
     else:
         decision = decided(problem)
-    force = np.zeros(len(response.free))
-    force[rows] = decision.force
-    acceleration = response.free + response.K @ (response.K.T @ force)
+    force = response.given.copy()
+    force[rows] += decision.force
     modes = _extended(equations, decision.modes, normals, sets, sliding)
     for one, mode in zip(equations.layout.friction, modes.friction, strict=True):
         if one.associated and mode is not None and len(mode.held) < len(one.rows):
             raise NumericalFailure(f"{one.name}: {HOPS}")
     found = bool(decision.undetermined.shape[1])
-    return LastingContact(modes, force + response.given, acceleration, decision, found)
+    return LastingContact(modes, force, response.accelerations(force), decision, found)
 
 
 def _restricted(problem: ContactProblem, modes: RowModes, normals: Array, sets: Array) -> Modes:

@@ -39,6 +39,11 @@ class Response:
     reactions: dict[int, JointReaction]
     pull: float
 
+    def accelerations(self, force: Array) -> Array:
+        """Return the accelerations of the rows under forces on them, both of shape (m,); forces include `given`."""
+        acceleration: Array = self.free + self.K @ (self.K.T @ (force - self.given))
+        return acceleration
+
 
 class ObservedRows(NamedTuple):
     """Gaps, rates and forces of rows at n states, and the offsets of friction sets."""

@@ -64,7 +64,7 @@ class SlipHeadings:
                 straight = _across(slip, h) <= STRAIGHT * size and j not in self.leaving
                 straight &= not stepper.fresh or size <= SLOW * speed  # in modes that begin no slip has turned yet
                 held[j] = np.inf if straight else STOPPING * speed
-                heading[j] = direction(slip, h, float(held[j]))
+                heading[j] = slip / size if j in self.leaving else direction(slip, h, float(held[j]))
         if slips:
             stepper.turn(tuple(heading))
         self.leaving.clear()
@@ -110,7 +110,7 @@ class SlipHeadings:
         if not slow:
             return 0.0
         response, force = stepper.respond(stepper.t, stepper.y), stepper.forces()
-        a = response.free + response.K @ (response.K.T @ force)
+        a = response.accelerations(force)
         rows = {j: list(self._friction[j].rows) for j in slow}
         every = np.concatenate(list(rows.values()))
         made = response.K @ (response.K[every].T @ force[every])
@@ -127,7 +127,7 @@ class SlipHeadings:
         if not slow:
             return None
         response, force = stepper.respond(stepper.t, stepper.y), stepper.forces()
-        a = response.free + response.K @ (response.K.T @ force)
+        a = response.accelerations(force)
         return next((j for j, slip in slow if float(slip @ a[list(self._friction[j].rows)]) < 0.0), None)
 
 
