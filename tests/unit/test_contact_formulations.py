@@ -78,6 +78,14 @@ def test_other_accelerations_are_found_beyond_those_that_are_known(seed, instant
         simulate_with_contacts(*random_contacts(seed), TIMES, 1e-10, "moreau")
 
 
+def test_rows_that_depend_on_one_another_are_told_where_no_modes_are_consistent():
+    """Joints all but hold the contact: its rows answer forces by 1e-5 of what a free one would."""
+    with pytest.raises(
+        NumericalFailure, match=r"no modes of contact 'contact_1', .*: their rows depend on one another"
+    ):
+        simulate_with_contacts(*random_contacts(336), TIMES, 1e-10, "moreau")
+
+
 def test_a_slip_far_slower_than_what_rounding_leaves_of_velocities_is_passed():
     """There a difference quotient by velocities has no step but that of rounding."""
     motion, _ = simulate_with_contacts(*random_contacts(230), TIMES, 1e-10, "moreau")

@@ -51,7 +51,7 @@ class ModeSearch:
         self.natural = problem.natural_modes()
         self.undecided = candidates.undecided(problem)
         self.acceleration_unit = float(np.max(np.abs(problem.free) / problem.row_scale(), initial=0.0)) or 1.0
-        self.best: tuple[float, str] = (np.inf, "no candidate")
+        self.best: tuple[float, str] = (np.inf, "")
         self.started: frozenset[int] = frozenset()
         self.unique = False  # whether a sufficient condition for that holds
         self._last: tuple[ModeSolution, StickingMargin] | None = None
@@ -294,10 +294,11 @@ class ModeSearch:
                 f"{names}: friction jams (Painleve): no forces satisfy the laws of contact; with {share:.2g} of the "
                 "coefficients of friction there are some"
             )
-        return NumericalFailure(
-            f"no modes of {names} satisfy the laws of contact: the best candidate violates that of {self.best[1]} by "
-            f"{self.best[0]:.3g} of the forces{f'; {SHARE}' if self._shared() else ''}"
-        )
+        missed, name = self.best
+        best = f"the best candidate violates that of {name} by {missed:.3g} of the forces"
+        why = best if name else "their rows depend on one another, and no combination that was tried is consistent"
+        also = f"; {SHARE}" if self._shared() else ""
+        return NumericalFailure(f"no modes of {names} satisfy the laws of contact: {why}{also}")
 
     def _bearable(self) -> float | None:
         """Return the largest share of the coefficients of friction found with which there is a solution, or None."""
