@@ -55,7 +55,21 @@ def reframed(mechanism: Mechanism, body: str, new: Frame, **changes) -> Mechanis
         )
         for load in mechanism.loads
     )
-    return replace(mechanism, **{"joints": joints, "springs": springs, "loads": loads, **changes})
+    contacts = tuple(contact_in(c, back, c.body == body, c.partner == body) for c in mechanism.contacts)
+    changed = {"joints": joints, "springs": springs, "loads": loads, "contacts": contacts}
+    return replace(mechanism, **changed | changes)
+
+
+def contact_in(contact, back: Frame, of_body: bool, of_partner: bool):
+    """The same contact, with what is given in axes of its body, or of its partner, in a frame seen from `back`."""
+    given, found = vars(contact), {}
+    places = of_body * ("center", "corner", "start", "end") + of_partner * ("point", "partner_center")
+    turned = of_body * ("axis", "orientation") + of_partner * ("normal",)
+    found |= {name: back.p + back.R @ given[name] for name in places if name in given}
+    found |= {name: back.R @ given[name] for name in turned if name in given}
+    if of_partner and contact.cone.tangent is not None:
+        found["cone"] = replace(contact.cone, tangent=tuple(back.R @ contact.cone.tangent))
+    return replace(contact, **found)
 
 
 def symmetric(matrix: Array) -> Array:
