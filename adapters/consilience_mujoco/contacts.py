@@ -141,11 +141,16 @@ def is_unilateral(mechanism: Mechanism) -> bool:
 
 
 def _carrier(spec: Any, mechanism: Mechanism, tree: Tree, body: str, name: str) -> tuple[Any, Frame]:
-    """MuJoCo body for a geometry of a body, and the frame B of that body in it: the world, or a massless body."""
+    """MuJoCo body for a geometry of a body, and the frame B of that body in it: the world, or a massless body.
+
+    The massless body has the centre of mass of its link, so that MuJoCo gives it the inverse inertia of the link.
+    """
     if body == GROUND:
         return spec.worldbody, Frame(np.zeros(3), np.eye(3))
-    link = tree.carrier(mechanism.body_index[body])
-    return spec.body(link_name(tree, link)).add_body(name=name), tree.links[link].body_frame
+    number = tree.carrier(mechanism.body_index[body])
+    link = tree.links[number]
+    massless = {"mass": 0.0, "ipos": link.com, "inertia": np.zeros(3), "explicitinertial": True}
+    return spec.body(link_name(tree, number)).add_body(name=name, **massless), link.body_frame
 
 
 def _add_part(spec: Any, mechanism: Mechanism, tree: Tree, part: ElementaryContact) -> None:

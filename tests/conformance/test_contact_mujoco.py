@@ -47,6 +47,8 @@ from contact_problems import (
 
 pytest.importorskip("mujoco")
 
+import mujoco
+
 from consilience_mujoco import MujocoEngine
 from consilience_mujoco.contact_motion import damping_ratio, rebound
 from consilience_mujoco.messages import EngineWarningError
@@ -312,6 +314,28 @@ def test_a_ball_at_rest_at_the_defaults_sinks_by_the_softness(softness):
     mechanism = LAB.free_body(1.3, [0.4 * 1.3 * 0.01] * 3, LEVEL, [LAB.sphere(0.1, friction=0.0)])
     centre = LAB.centre(at_defaults(mechanism, LAB.state([0, 0, 0.1], [0, 0, 0]), softness))[0]
     assert 0.1 - centre[2] == pytest.approx(softness * (0.1 / 0.9) * G * (0.95 * 0.02) ** 2 / 0.9, rel=1e-3)
+
+
+LEVER = """
+<mujoco><worldbody>
+  <geom name="floor" type="plane" size="0 0 1" pos="0 0 -.05" contype="0" conaffinity="0"/>
+  <body><joint axis="0 1 0"/><inertial pos=".5 0 .1" mass="2" diaginertia=".03 .2 .21"/>
+    <geom name="tip" type="sphere" size=".05" pos="1 0 0" mass="0" contype="0" conaffinity="0"/></body>
+</worldbody><contact><pair geom1="floor" geom2="tip" condim="1"/></contact></mujoco>"""
+
+
+def test_a_lever_at_rest_at_the_defaults_sinks_as_in_a_model_that_mujoco_reads_itself():
+    model = mujoco.MjModel.from_xml_string(LEVER)
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data, 1000)
+    lever = Body("lever", 2.0, np.array([0.5, 0.0, 0.1]), np.diag([0.03, 0.2, 0.21]), Frame(np.zeros(3), np.eye(3)))
+    hinge = Frame(np.zeros(3), rotation_with_z_axis(np.array([0.0, 1.0, 0.0])))
+    pin = Joint("pin", "revolute", GROUND, "lever", hinge, hinge)
+    tip = SpherePlane("tip", "lever", np.array([1.0, 0.0, 0.0]), 0.05, GROUND, np.array([0.0, 0.0, -0.05]), -LEVEL / G)
+    mechanism = Mechanism("lever", LEVEL, (lever,), (pin,), contacts=(tip,))
+    start = initial_state(mechanism, Initial())
+    answer = motion(mechanism, start, 2.0, kind=Route.NATIVE, profile=Profile.DEFAULT, level=1)
+    assert answer.contact_gap[-1] == pytest.approx(data.contact.dist, rel=1e-6)
 
 
 @pytest.mark.parametrize("softness", [1.0, 0.01])
