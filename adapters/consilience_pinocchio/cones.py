@@ -114,6 +114,22 @@ def _models(sets: Sequence[ForceSet], unit: float = 1.0) -> tuple[Any, Any]:
     return models, data
 
 
+def _complementarity(f: Array, u: Array, sets: Sequence[ForceSet]) -> float:
+    """Return the largest power of a set's forces over the largest force, of Coulomb's cone with de Saxce's term."""
+    start, found = 0, 0.0
+    for one in sets:
+        end = start + (1 if isinstance(one, Interval) else 3)
+        of, along = f[start:end], u[start:end]
+        start = end
+        if isinstance(one, Circle):
+            along = along + np.array([0.0, 0.0, one.friction * np.hypot(*along[:2])])
+        elif isinstance(one, Interval):
+            bound = one.lower if along[0] > 0.0 else one.upper
+            of = of - bound if np.isfinite(bound) else of
+        found = max(found, abs(float(of @ along)))
+    return found / max(float(np.max(np.abs(f))), np.finfo(float).tiny)
+
+
 class ConeSolver:
     """The solver for rows in given sets; it keeps the sets of the last call, and the forces as its first guess.
 
@@ -197,7 +213,11 @@ class ConeSolver:
             operator, solver = pin.DelassusOperatorDense(G), pin.ADMMConstraintSolver()
             met = solver.solve(operator, y / unit, models, data, self._settings, result)
             self.iterations += int(result.iterations)
-            worst = unit * max(result.primal_feasibility, result.dual_feasibility, result.complementarity)
+            f = unit * np.array(result.retrieveConstraintImpulses())
+            # Pinocchio's is infinite for a force without bound whose acceleration is negative, if only by rounding
+            across = unit * result.complementarity
+            across = across if np.isfinite(across) else _complementarity(f, G @ f + y, sets)
+            worst = max(unit * result.primal_feasibility, unit * result.dual_feasibility, across)
             if met or worst <= (self.enough if most == FEW_ITERATIONS else ACCEPTED) * scale:
-                return unit * np.array(result.retrieveConstraintImpulses())
+                return f
         raise ArithmeticError(f"ADMMConstraintSolver stops at a residual of {worst:.1e}, data of {scale:.1e}")

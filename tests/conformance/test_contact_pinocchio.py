@@ -495,3 +495,13 @@ def test_a_stop_beside_dry_friction_takes_all_that_friction_does_not(push):
     forces = ConeSolver().forces(np.full((2, 2), 1.07955), np.full(2, -push), [ONE_SIDED, Interval(-0.2, 0.2)])
     assert np.sum(forces) == pytest.approx(push / 1.07955, rel=1e-9)
     assert abs(forces[1]) < 0.2 + 1e-9
+
+
+@pytest.mark.parametrize("mismatch", [0.0, 1e-12, 1e-9])
+@pytest.mark.parametrize("tipped", [[1.0, 1.0], [1.0, 0.4]])
+def test_smooth_contacts_that_one_freedom_shares_bear_it_together(tipped, mismatch):
+    """Two rows of one coordinate, data apart by rounding over the square of the step: ``J . f`` is determined."""
+    J = np.array(tipped)
+    forces = ConeSolver().forces(0.7 * np.outer(J, J), -G * J + [0.0, mismatch], [ONE_SIDED, ONE_SIDED])
+    assert J @ forces == pytest.approx(G / 0.7, rel=3e-9)
+    assert np.min(forces) >= 0.0
