@@ -7,6 +7,7 @@ from typing import Any
 from consilience.engine import Method, Route
 from consilience.mechanism import Mechanism
 from consilience_exudyn.contact_motion import BOUNCE, DAMPING, LINEAR, OVERDAMPED, RESOLVED, RIGID
+from consilience_exudyn.kinematic_tree import HELD, is_one_axis_tree
 from consilience_exudyn.library import CONTACT_SETTINGS
 
 STEPS, BOUNCING_STEPS, EXTRAPOLATED_STEPS = (50, 100, 200), (500, 1000, 2000), (10, 20, 40)
@@ -14,6 +15,17 @@ HALVINGS = 4
 """Number of motions of an extrapolated one, each with half the step of the one before; its order."""
 
 _CIRCLE = "circle; rigid and Coulomb's in the limit of small steps"
+
+
+def immovable(mechanism: Mechanism) -> str:
+    """Return what Exudyn's explicit integrators do not take, as words; empty if they take all.
+
+    They take bodies that are all free, or a tree of one-axis joints, without constraints.
+    """
+    if held := sorted(HELD & mechanism.features.keys()):
+        return " and ".join(held)
+    free = all(joint.kind == "free" for joint in mechanism.joints)
+    return "" if free or is_one_axis_tree(mechanism) else "joints that are neither all free nor a tree of axes"
 
 
 def contact_methods(mechanism: Mechanism) -> tuple[Method, ...]:

@@ -175,11 +175,6 @@ class _Run:
     forces: Sequence[Any]
 
 
-def can_move(mechanism: Mechanism) -> bool:
-    """Whether Exudyn's explicit integrators take the bodies: all free, or a tree of one-axis joints."""
-    return all(joint.kind == "free" for joint in mechanism.joints) or is_one_axis_tree(mechanism)
-
-
 def contact_motion(
     mechanism: Mechanism,
     state: State,

@@ -22,8 +22,8 @@ from consilience.engine import (
     motion_of_halved,
 )
 from consilience.mechanism import Array, Mechanism, State
-from consilience_exudyn.contact_methods import HALVINGS, contact_methods
-from consilience_exudyn.contact_motion import can_move, contact_motion
+from consilience_exudyn.contact_methods import HALVINGS, contact_methods, immovable
+from consilience_exudyn.contact_motion import contact_motion
 from consilience_exudyn.contact_samples import room_taken
 from consilience_exudyn.contacts import CONTACT_FEATURES, REASONS, is_unilateral
 from consilience_exudyn.kinematic_tree import build_tree, is_one_axis_tree
@@ -118,10 +118,11 @@ class ExudynEngine:
     def unsupported(self, mechanism: Mechanism, question: Question) -> tuple[Unsupported, ...]:
         """Return the features without a translation."""
         unknown = beyond(mechanism, FEATURES, "Exudyn", REASONS)
-        if unknown or question is not Question.TRAJECTORY or not is_unilateral(mechanism) or can_move(mechanism):
+        if unknown or question is not Question.TRAJECTORY or not is_unilateral(mechanism):
             return unknown
         reason = "explicit integrators take no constraints; implicit ones fail at fixed steps where sliding stops"
-        return (Unsupported("contacts, stops or dry friction beside joints that are not a tree of axes", reason),)
+        beside = immovable(mechanism)
+        return (Unsupported(f"contacts, stops or dry friction beside {beside}", reason),) if beside else ()
 
     def methods(self, mechanism: Mechanism, question: Question) -> tuple[Method, ...]:
         """Return the methods that answer the question, the headline method first."""

@@ -16,7 +16,7 @@ from consilience_exudyn.forces import add_springs_and_loads
 from consilience_exudyn.library import add_coordinates, exu, items
 
 _JOINT_TYPES = {"R": exu.JointType.RevoluteZ, "P": exu.JointType.PrismaticZ}
-_BEYOND = {"screw joint", "drive", "coupling", "rolling", "skate"}
+HELD = {"screw joint", "drive", "coupling", "rolling", "skate"}
 """Features that would be constraints, which Exudyn's explicit integrators do not accept."""
 
 MOTION = ("Position", "RotationMatrix", "Velocity", "AngularVelocity")
@@ -51,7 +51,7 @@ class KinematicTree:
 
 def is_one_axis_tree(mechanism: Mechanism) -> bool:
     """Whether the mechanism has no loop and only joints made of revolute and prismatic axes."""
-    if _BEYOND & mechanism.features.keys():
+    if HELD & mechanism.features.keys():
         return False
     tree = to_elementary_tree(mechanism)
     return not tree.welds and all(link.elementary in _JOINT_TYPES for link in tree.links)

@@ -11,10 +11,14 @@ from consilience.engine import CannotRepresent, Question, Route, defects
 from consilience.mechanism import (
     GROUND,
     DiscPlane,
+    Drive,
     Initial,
     PointPlane,
+    Rolling,
+    Skate,
     SpherePlane,
     SphereSphere,
+    constant,
     initial_state,
     rotation_from_quaternion,
 )
@@ -329,6 +333,34 @@ def test_motions_with_constraints_are_refused_and_instants_are_not():
     assert ENGINE.unsupported(held, I) == ()
     (refused,) = ENGINE.unsupported(held, T)
     assert "explicit integrators" in refused.reason
+
+
+@pytest.mark.parametrize(
+    ("constraint", "words"),
+    [
+        ({"skates": (Skate("blade", "body", np.zeros(3), np.array([0.0, 1.0, 0.0])),)}, "beside skate"),
+        (
+            {"rollings": (Rolling("rim", "body", np.zeros(3), LAB.axes[:, 0], 0.1, LAB.origin, LAB.axes[:, 2]),)},
+            "rolling",
+        ),
+    ],
+    ids=["skate", "rolling"],
+)
+def test_constraints_of_free_bodies_are_not_left_out_of_a_motion(constraint, words):
+    free = LAB.free_body(2.0, BALL, LEVEL, [LAB.sphere(0.1)])
+    assert ENGINE.unsupported(free, T) == ()
+    (refused,) = ENGINE.unsupported(replace(free, **constraint), T)
+    assert words in refused.feature
+    assert "explicit integrators" in refused.reason
+
+
+def test_a_drive_on_a_tree_is_what_is_named():
+    driven = replace(
+        pendulum(LAB, bound=0.5), drives=(Drive("motor", "hinge", "angle", constant(0.0)),), dry_frictions=()
+    )
+    touching = replace(driven, contacts=(SpherePlane("tip", "rod", LAB.com, 0.1, GROUND, LAB.origin, LAB.axes[:, 2]),))
+    (refused,) = ENGINE.unsupported(touching, T)
+    assert refused.feature.endswith("beside drive")
 
 
 def test_only_the_declared_pairs_collide():
