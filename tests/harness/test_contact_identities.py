@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 from consilience.audit.identities import check
 from consilience.audit.identities.check import CONTACT_IDENTITIES, check_case
 from consilience.audit.identities.contact import gauge
+from consilience.audit.identities.contact_motion import ROUNDING, energy_growth, normal_power
 from consilience.audit.identities.result import IdentityOutcome, NotApplicableError
 from consilience.case import load_case
 from consilience.cli.main import app
@@ -125,9 +126,21 @@ def test_the_reference_obeys_all_of_them_and_each_can_be_violated():
     assert set().union(*(expected for _, expected in PLANTED.values())) == set(NAMES)
 
 
+def rolling():
+    return load_case("ball_rolls").with_span(0.1, None)
+
+
+def resting():
+    """The ball of `rolling`, which starts at rest, with gravity across the plane: it stays where it is."""
+    (floor,) = rolling().mechanism.contacts
+    level = replace(rolling().mechanism, gravity=-9.81 * floor.normal)
+    return replace(rolling(), mechanism=level)
+
+
+@pytest.mark.parametrize("start", [rolling, resting])
 @pytest.mark.parametrize("engine", ["dart", "exudyn", "mujoco", "pinocchio"])
-def test_installed_engines_obey_the_identities_of_contact(engine):
-    chosen, loaded = load_case("ball_rolls").with_span(0.1, None), load_engine(engine)
+def test_installed_engines_obey_the_identities_of_contact(engine, start):
+    chosen, loaded = start(), load_engine(engine)
 
     def ask(request):
         value = perform(loaded, request)
@@ -142,7 +155,20 @@ def test_installed_engines_obey_the_identities_of_contact(engine):
 
     found = check_case(ask, engine, chosen, 2)
     assert not [f for f in found if f.outcome in (IdentityOutcome.VIOLATED, IdentityOutcome.NO_ANSWER)]
-    assert sum(f.outcome is IdentityOutcome.HOLDS for f in found) >= 7
+    assert sum(f.outcome is IdentityOutcome.HOLDS for f in found) >= 7 - (start is resting)
+
+
+def test_speeds_of_what_rests_are_measured_by_those_that_its_forces_give_in_a_sample_interval():
+    """The ball falls by ``g dt``: noise below 1e-10 of that is none, a hundredth of it is one."""
+    chosen = resting()
+    m, method = chosen.mechanism, load_engine("reference").methods(chosen.mechanism, Question.TRAJECTORY)[0]
+    still = load_engine("reference").trajectory(m, chosen.initial_state, chosen.times, method, 1e-12)
+    signs = np.resize([1.0, -1.0], (len(still.time), 1, 1))
+    fall = 9.81 * (still.time[1] - still.time[0]) * m.contacts[0].normal
+    noisy, moving = (replace(still, v_WB_W=still.v_WB_W + size * signs * fall) for size in (1e-10, 1e-2))
+    assert max(np.max(measure(m, noisy)) for measure in (normal_power, energy_growth)) < ROUNDING
+    assert np.max(normal_power(m, moving)) > 1e-3
+    assert np.max(energy_growth(m, replace(moving, v_WB_W=np.cumsum(moving.v_WB_W**2, axis=0)))) > ROUNDING
 
 
 @pytest.mark.parametrize(("share", "outcome"), [(1.0, IdentityOutcome.HOLDS), (0.0, IdentityOutcome.VIOLATED)])

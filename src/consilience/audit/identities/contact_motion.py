@@ -44,8 +44,20 @@ def _contact_samples(mechanism: Mechanism, answer: TrajectoryAnswer) -> list[lis
     return [[ContactAtState(mechanism, state, contact) for contact in mechanism.contacts] for state in states]
 
 
+def _mass(mechanism: Mechanism) -> float:
+    return sum(body.mass for body in mechanism.bodies)
+
+
+def _fall(mechanism: Mechanism, answer: TrajectoryAnswer) -> float:
+    """Return the speed that the applied forces of the start give all mass together in a sample interval, m/s."""
+    forces = Equations(mechanism, answer.state(0)).size_b.reshape(-1, 6)[:, 0]
+    return float(np.sum(forces) * (answer.time[1] - answer.time[0])) / _mass(mechanism)
+
+
 def _speed(mechanism: Mechanism, answer: TrajectoryAnswer) -> float:
-    return max(Equations(mechanism, answer.state(k)).speed for k in range(len(answer.time))) or 1.0
+    """Return the largest speed, or `_fall` where it is larger, as of what rests: its speeds are rounding."""
+    largest = max(Equations(mechanism, answer.state(k)).speed for k in range(len(answer.time)))
+    return max(largest, _fall(mechanism, answer)) or 1.0
 
 
 def overlap(mechanism: Mechanism, answer: TrajectoryAnswer) -> Array:
@@ -57,7 +69,7 @@ def overlap(mechanism: Mechanism, answer: TrajectoryAnswer) -> Array:
 
 
 def normal_power(mechanism: Mechanism, answer: TrajectoryAnswer) -> Array:
-    """Return ``u_n`` of contacts that last, over the largest speed: normal forces take no power there.
+    """Return ``u_n`` of contacts that last, over `_speed`: normal forces take no power there.
 
     A contact lasts at a sample where it is closed at the samples beside it as well.
     """
@@ -102,7 +114,10 @@ def impulse_cone(mechanism: Mechanism, answer: TrajectoryAnswer) -> Array:
 
 
 def energy_growth(mechanism: Mechanism, answer: TrajectoryAnswer) -> Array:
-    """Return by how much the energy grows from sample to sample, over the largest kinetic energy and its changes."""
+    """Return by how much the energy grows from sample to sample, over the largest kinetic energy and its changes.
+
+    Of what rests, over the kinetic energy of `_fall`.
+    """
     m = mechanism
     acting = [drive.name for drive in m.drives] + [control.name for control in m.controls]
     acting += [x.name for x in m.loads if x.kind != "force" or x.frame != "world" or x.history is not None]
@@ -113,7 +128,8 @@ def energy_growth(mechanism: Mechanism, answer: TrajectoryAnswer) -> Array:
         raise NotApplicableError(f"'{acting[0]}' may do work, or keep energy that is not counted")
     states = [answer.state(k) for k in range(len(answer.time))]
     kinetic, potential = (np.array([energy(m, s) for s in states]) for energy in (kinetic_energy, potential_energy))
-    size = float(np.max(kinetic) + np.ptp(potential)) or 1.0
+    least = _mass(mechanism) * _fall(mechanism, answer) ** 2 / 2.0
+    size = max(float(np.max(kinetic) + np.ptp(potential)), least) or 1.0
     return np.maximum(0.0, np.diff(kinetic + potential)) / size
 
 
