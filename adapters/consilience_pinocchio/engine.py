@@ -132,7 +132,7 @@ FEATURES = feature_names(
     "coupling, rolling, skate, "
     "sphere on plane contact, point on plane contact, sphere on sphere contact, box on plane contact, "
     "capsule on plane contact, disc on plane contact, moving plane contact, contact restitution, contact friction, "
-    "static friction, associated cone, stop, stop restitution, dry friction",
+    "static friction, associated cone, Moreau impact, stop, stop restitution, dry friction",
 )
 """Features of a mechanism that the adapter translates; features that are not listed are refused."""
 

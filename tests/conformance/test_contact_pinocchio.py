@@ -505,3 +505,14 @@ def test_smooth_contacts_that_one_freedom_shares_bear_it_together(tipped, mismat
     forces = ConeSolver().forces(0.7 * np.outer(J, J), -G * J + [0.0, mismatch], [ONE_SIDED, ONE_SIDED])
     assert J @ forces == pytest.approx(G / 0.7, rel=3e-9)
     assert np.min(forces) >= 0.0
+
+
+def test_the_law_of_moreau_is_that_of_the_steps():
+    """A tip whose slip the normal impulse alone reverses: by Newton's law without friction, not by Moreau's."""
+    hits = load_case("rod_hits_floor-backward")
+    (tip,) = hits.mechanism.contacts
+    moreau = replace(hits.mechanism, contacts=(replace(tip, impact_law="moreau"),))
+    answer = move(moreau, hits.initial_state, hits.times, hits.sample / 20)
+    truths = [simulate_with_contacts(m, hits.initial_state, hits.times)[0] for m in (moreau, hits.mechanism)]
+    np.testing.assert_allclose(answer.v_WB_W[-1], truths[0].v_WB_W[-1], atol=1e-12)
+    assert np.max(np.abs(answer.v_WB_W[-1] - truths[1].v_WB_W[-1])) > 0.1
