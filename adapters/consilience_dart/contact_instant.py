@@ -12,14 +12,21 @@ corner, the second step takes the contact for open or for an impact, and there i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from itertools import product
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from consilience.engine import CannotRepresent, limit_of_halved
-from consilience.mechanism import Array, State, contact_gap, contact_parts, nearest_points, sharing_rows
+from consilience.mechanism import (
+    Array,
+    State,
+    contact_gap,
+    contact_parts,
+    determinate_forces,
+    nearest_points,
+    sharing_rows,
+)
 from consilience_dart.contacts import SLIDING, Touching
 from consilience_dart.state import Coordinates, read, send
 from consilience_dart.stepping import (
@@ -49,15 +56,16 @@ UNTURNED = 1e-6
 SOLVERS = (("NsgsFrictionSolver", "maxSweeps", 1000), ("FbfFrictionSolver", "maxOuterIterations", 4000))
 """Solvers of friction in the order in which they are asked, with the option that bounds their iterations, and the
 bound. The first is faster and has more digits, but does not converge for boxes that slide; the second does not for a
-ball that rolls in a trough, and 100 iterations are too few for a box that tips. Each has a world of its own at
-each state, because DART begins with the forces of the step before."""
+ball that rolls in a trough, and 100 iterations are too few for a box that tips. Each has a world of its own at each
+state and step, because DART begins with the forces of the step before: the second then stops at its bound, 5e-7 off."""
 
 FINE = 1e-12
 """Their tolerance."""
 
 SETTLED, UNSETTLED = 1e-7, 1e-6
 """Error of an acceleration, over the largest one or 1 m/s^2, below which the other solver is not asked, and above which
-there is no answer: by two extrapolations, or by what force mixing makes of forces that still change."""
+there is no answer: by two extrapolations, by what force mixing makes of forces that still change, or by gaps that open
+or close in spite of a force."""
 
 STEPS, SHARED_STEPS = 2, 3
 """Steps of which the last counts; three where contacts share a load: their forces still change in the second."""
@@ -121,10 +129,18 @@ def _require_same_contacts(touching: Touching, forces: list[Array]) -> None:
         raise ArithmeticError(f"contact '{name}' acts in some of the halved steps and not in others")
 
 
-def settle(steppers: Sequence[Stepper], c: Coordinates, state: State) -> Array:
+def settle(stepping: Stepper, fresh: Callable[[], Stepper], c: Coordinates, state: State) -> Array:
     """Compute generalised accelerations, and the forces of the contacts (n_c, 3) on their bodies, world axes.
 
-    The skeleton of the first stepper, of one for each of `SOLVERS`, is left at the state, with these accelerations.
+    The skeleton of `stepping` is left at the state, with these accelerations.
+
+    Parameters
+    ----------
+    stepping : Stepper
+    fresh : callable
+        Makes a stepper like it.
+    c : Coordinates
+    state : State
 
     Raises
     ------
@@ -133,7 +149,6 @@ def settle(steppers: Sequence[Stepper], c: Coordinates, state: State) -> Array:
     ArithmeticError
         DART has no acceleration: an impact, or friction without a solution.
     """
-    stepping = steppers[0]
     touching, model = stepping.touching, stepping.model
     assert touching is not None
     free = not (touching.mechanism.stops or touching.mechanism.dry_frictions) and np.min(touching.gaps()) > CLOSED
@@ -147,7 +162,9 @@ def settle(steppers: Sequence[Stepper], c: Coordinates, state: State) -> Array:
         if free:
             a += weight * zero_step_accelerations(stepping, c, state)
             continue
-        settled = _settled(steppers, c, state, shared=len(sharing_rows(model.mechanism, state)) > 0)
+        shared = len(sharing_rows(model.mechanism, state)) > 0
+        unsure = not np.all(determinate_forces(model.mechanism, state).contacts)
+        settled = _settled(fresh, c, state, shared, unsure)
         a += weight * settled.a
         forces += weight * settled.forces
     send(model, c)
@@ -193,10 +210,11 @@ def _mixed(touching: Touching, model: Model, change: Array) -> float:
     return found
 
 
-def _settled(steppers: Sequence[Stepper], c: Coordinates, state: State, shared: bool) -> _Settled:
+def _settled(fresh: Callable[[], Stepper], c: Coordinates, state: State, shared: bool, unsure: bool) -> _Settled:
     """Solve by one solver of friction, by the other and with shorter steps where it leaves the accelerations open.
 
-    Where contacts share a load the second solver comes first: the first ends with no sign that it is off.
+    Where contacts share a load the second solver comes first: the first ends with no sign that it is off. Where
+    equilibrium leaves forces open (`unsure`), both are asked, and their difference counts as an error.
 
     Raises
     ------
@@ -204,17 +222,19 @@ def _settled(steppers: Sequence[Stepper], c: Coordinates, state: State, shared: 
     """
     found: list[_Settled] = []
     why: ArithmeticError | None = None
-    solvers = list(zip(SOLVERS, steppers, strict=True))
-    steps = STEPS
-    if shared:
-        solvers, steps = solvers[::-1], SHARED_STEPS
-    for part, (solver, stepping) in product(SHORTER, solvers):
-        try:
-            found.append(_by(solver, stepping, c, state, part, steps))
-        except ArithmeticError as error:
-            why = error
-            continue
-        if found[-1].spread < SETTLED:
+    solvers, steps = (SOLVERS[::-1], SHARED_STEPS) if shared else (SOLVERS, STEPS)
+    for part in SHORTER:
+        answers: list[_Settled] = []
+        for solver in solvers:
+            try:
+                answers.append(_by(solver, fresh, c, state, part, steps))
+            except ArithmeticError as error:
+                why = error
+                continue
+            if answers[-1].spread < SETTLED and not unsure:
+                break
+        found += _compared(answers) if unsure else answers
+        if any(one.spread < SETTLED for one in found):
             break
     best = min(found, key=lambda one: one.spread, default=None)
     if best is None or best.spread > UNSETTLED:
@@ -222,8 +242,17 @@ def _settled(steppers: Sequence[Stepper], c: Coordinates, state: State, shared: 
     return best
 
 
+def _compared(answers: list[_Settled]) -> list[_Settled]:
+    """Return answers with spreads of their largest difference at least."""
+    if not answers:
+        return []
+    a = np.array([one.a for one in answers])
+    apart = float(np.max(np.ptp(a, axis=0)) / max(1.0, np.max(np.abs(a))))
+    return [one._replace(spread=max(one.spread, apart)) for one in answers]
+
+
 def _by(
-    solver: tuple[str, str, int], stepping: Stepper, c: Coordinates, state: State, part: int, steps: int
+    solver: tuple[str, str, int], fresh: Callable[[], Stepper], c: Coordinates, state: State, part: int, steps: int
 ) -> _Settled:
     """Extrapolate the last of some steps to zero step, by a solver of friction, from a part of the longest step.
 
@@ -231,30 +260,45 @@ def _by(
     ------
     ArithmeticError
     """
-    touching = stepping.touching
-    assert touching is not None
-    touching.solve_by((*solver, FINE))
+    worlds: list[Touching] = []
+
+    def world() -> Stepper:
+        stepping = fresh()
+        assert stepping.touching is not None
+        stepping.touching.solve_by((*solver, FINE))
+        worlds.append(stepping.touching)
+        return stepping
+
+    stepping = world()
+    touching = worlds[0]
     stepping.restart(c, 0.0, STEP)
     slowest, resting = _slips(stepping.model, touching, state)
     stepping.step(1)
     first, starts = touching.forces, np.any(resting & (touching.modes == SLIDING))
     h = min(STEP, TURN * slowest / max(FRICTION, touching.slip_rate)) / part
-    quotients, forces, changes = [], [], []
+    quotients, forces, changes, opening = [], [], [], []
     for halves in (1, 2, 4, 8):
+        stepping = world()
         last = _quotient(stepping, c, h / halves, steps)
-        a, force = last.a, last.forces
+        a, force, rate = last.a, last.forces, np.array(worlds[-1].opening)
         if starts:
+            stepping = world()
             last = _quotient(stepping, c, h / halves, steps + 1)
             a, force = (steps + 1) * last.a - steps * a, (steps + 1) * last.forces - steps * force
+            rate = (steps + 1) * worlds[-1].opening - steps * rate
         quotients.append(a)
         forces.append(force)
         changes.append(last.change)
-    if touching.failed():
+        opening.append(rate)
+    if any(one.failed() for one in worlds):
         raise ArithmeticError(f"{solver[0]} fails at this state")
     _require_same_contacts(touching, [first, *forces])
     a, finer = limit_of_halved(quotients[:3]), limit_of_halved(quotients[1:])
     size = max(1.0, np.max(np.abs(a), initial=0.0))
     spread = np.max(np.abs(finer - a), initial=0.0) / size
     least = slice(1, 4) if spread < SETTLED else slice(3)  # shorter steps have less room for the errors of a solver
-    spread = max(spread, _mixed(touching, stepping.model, limit_of_halved(changes[least])) / size)
+    off = max(
+        abs(float(limit_of_halved(opening[least]))), _mixed(worlds[-1], stepping.model, limit_of_halved(changes[least]))
+    )
+    spread = max(spread, off / size)
     return _Settled(limit_of_halved(quotients[least]), limit_of_halved(forces[least]), float(spread))

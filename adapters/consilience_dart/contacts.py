@@ -121,6 +121,9 @@ class Touching:
     loss : float, J
     slip_rate : float, m/s^2
         Largest rate of a slip in a step.
+    opening : float, m/s^2
+        Largest rate of a normal velocity where a force acts, from the step before to the last one. The velocities are
+        those that DART's rows hold: of the end of a step, at points and normals of its start.
 
     Parameters
     ----------
@@ -195,7 +198,8 @@ class Touching:
         """Set all sums to zero."""
         self.impulse, self.forces, self.points = np.zeros((3, self._count, 3))
         self.modes = np.full(self._count, SEPARATED)
-        self.loss = self.slip_rate = 0.0
+        self.loss = self.slip_rate = self.opening = 0.0
+        self._rates: list[float] = []
         self.note()
 
     def note(self) -> None:
@@ -209,7 +213,7 @@ class Touching:
         """
         self.forces = np.zeros((self._count, 3))
         self.modes = np.full(self._count, SEPARATED)
-        motions = self._motions()
+        motions, rates = self._motions(), list[float]()
         for contact in self._world.getLastCollisionResult().getContacts():
             name = contact.collisionObject1.getShapeFrame().getBodyNode().getName()
             n = self._numbers[name]
@@ -225,10 +229,13 @@ class Touching:
             self.slip_rate = max(self.slip_rate, float(np.linalg.norm(after - before)) / step)
             self.loss -= step * float(force @ (before + after)) / 2.0
             slides = float(np.linalg.norm(after - normal * (normal @ after))) > AT_REST
+            rates.append(float(normal @ after))
             if slides or self.modes[n] == SEPARATED:
                 self.modes[n] = SLIDING if slides else STICKING
+        alike = len(rates) == len(self._rates)
+        self.opening = max((abs(new - old) / step for new, old in zip(rates, self._rates, strict=alike)), default=0.0)
         self.impulse += step * self.forces
-        self._before = motions
+        self._before, self._rates = motions, rates
 
     def slip(self, n: int, point: Array) -> Array:
         """Return the velocity of the body's material point at a point relative to the partner's.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import dartpy
 import numpy as np
@@ -27,7 +27,7 @@ from consilience.engine import (
 )
 from consilience.mechanism import Array, Mechanism, State, to_elementary_tree
 from consilience_dart import methods as ways
-from consilience_dart.contact_instant import SOLVERS, settle
+from consilience_dart.contact_instant import settle
 from consilience_dart.contact_methods import CONTACT_FEATURES, EXTRAPOLATED, INSTANT, REASONS, touches
 from consilience_dart.contact_methods import refused as beyond_stepping
 from consilience_dart.contact_motion import extrapolated, move
@@ -162,26 +162,25 @@ class DartEngine:
         """Return accelerations, joint reactions and energies at consistent states."""
         native = method.route is Route.EXTRAPOLATED
         forces_of_contacts = []
-        steppers: list[Stepper] = []
+        stepping: Stepper | None = None
         model = None
         accelerations, wrenches, energies = [], [], []
         for state in states:
             suited = suited_rods(mechanism, state)
-            # DART begins to solve friction with the forces before: each state has worlds of its own
+            fresh = partial(_stepper, suited, state, method)
             if model is None or model.mechanism is not suited or method.name == INSTANT:
-                worlds = len(SOLVERS) if method.name == INSTANT else int(native)
-                steppers = [_stepper(suited, state, method) for _ in range(worlds)]
-                model = steppers[0].model if steppers else self._translated(suited)
+                stepping = fresh() if native else None
+                model = stepping.model if stepping else self._translated(suited)
                 forces = Forces(model)
             c = from_state(model, state)
             send(model, c)
-            if method.name == INSTANT:
-                forces_of_contacts.append(settle(steppers, c, state))
-            elif method.name == ways.EXTRAPOLATED_DEFAULT:
+            if stepping and method.name == INSTANT:
+                forces_of_contacts.append(settle(stepping, fresh, c, state))
+            elif stepping and method.name == ways.EXTRAPOLATED_DEFAULT:
                 ways.soften(method)
-                zero_step_accelerations(steppers[0], c, state)
-            elif native:
-                extrapolated_accelerations(steppers[0], c, state)
+                zero_step_accelerations(stepping, c, state)
+            elif stepping:
+                extrapolated_accelerations(stepping, c, state)
             elif method.name == ways.ARTICULATED:
                 forward_dynamics(model, forces)
             else:
