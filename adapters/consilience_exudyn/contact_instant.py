@@ -8,13 +8,22 @@ one without friction and a stop are rows of the harness's solve, as the constrai
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain, combinations
 
 import numpy as np
 
 from consilience.engine import CannotRepresent
-from consilience.mechanism import GROUND, TOUCHING, Array, Mechanism, State, characteristic_length, joint_spring_motion
+from consilience.mechanism import (
+    GROUND,
+    TOUCHING,
+    Array,
+    Mechanism,
+    State,
+    characteristic_length,
+    joint_spring_motion,
+    null_space,
+)
 from consilience_exudyn.contact_rows import TouchRow, contact_row, coordinate_row
 from consilience_exudyn.contacts import limits_of, parts_of
 from consilience_exudyn.terms import Equations, Terms
@@ -31,6 +40,9 @@ _PULL = 1e-9
 
 _MOST_TRIED = 10
 """Contacts and stops of which all sets are tried, a thousand."""
+
+_PASSES, _MARGIN = 1000, 1e-6
+"""Projections onto cones and balance, one after the other; part of friction that is left out of the cones."""
 
 _NOTHING_AT_REST = "Exudyn's friction is zero at rest, and it has none to start with"
 
@@ -103,7 +115,7 @@ def contact_accelerations(terms: Terms, state: State, equations: Equations) -> t
         active.append(_contact(number, row, terms.contact_force(state, number) - without if slides else None))
     terms.contact_force(state, None)
     force, stuck = _joint_efforts(mechanism, state)
-    balance = _balanced(equations, equations.f + force, [*active, *stuck])
+    balance = _held(equations, _balanced(equations, equations.f + force, [*active, *stuck]))
     _refuse_start(balance.sliding)
     found = np.zeros((len(parts_of(mechanism)), 3))
     for one, x in zip(balance.closed, balance.unknowns, strict=True):
@@ -178,6 +190,41 @@ def _balanced(equations: Equations, f: Array, active: Sequence[_Active]) -> _Bal
     return found
 
 
+def _held(equations: Equations, balance: _Balance) -> _Balance:
+    """Return the solution with other forces that equilibrium leaves open, where those of least norm cannot stick.
+
+    Projections onto the cones and onto forces of the same sums, in turn, come to forces within both, if there are any.
+    """
+    if balance.sliding is None:
+        return balance
+    free = null_space(np.vstack([equations.J, *(one.columns for one in balance.closed)]).T)
+    joints, ends = len(balance.mu), np.cumsum([len(x) for x in balance.unknowns])[:-1]
+    bounded, least = free[joints:], np.concatenate(balance.unknowns)
+    nearest, forces = np.linalg.pinv(bounded, rcond=_RANK), least
+    for _ in range(_PASSES if free.size else 0):
+        parts = zip(balance.closed, np.split(forces, ends), strict=True)
+        z = nearest @ (np.concatenate([_within(one, x) for one, x in parts]) - least)
+        forces = least + bounded @ z
+        found = replace(balance, mu=balance.mu + free[:joints] @ z, unknowns=np.split(forces, ends))
+        if found.sliding is None and found.pulling is None:
+            return found
+    return balance
+
+
+def _within(one: _Active, x: Array) -> Array:
+    """Return the nearest forces that one contact, stop or dry friction may have."""
+    bound = (1.0 - _MARGIN) * one.bound
+    if one.dry:
+        return np.clip(x, -bound, bound)
+    across = float(np.linalg.norm(x[1:]))
+    if len(x) == 1 or across <= bound * x[0]:
+        return np.maximum(x, 0.0) if len(x) == 1 else x
+    if bound * across <= -x[0]:
+        return np.zeros(3)
+    normal = (x[0] + bound * across) / (1.0 + bound**2)
+    return np.concatenate([[normal], bound * normal / across * x[1:]])
+
+
 def _contact(number: int, row: TouchRow, friction: Array | None) -> _Active:
     """Rows and columns of a closed contact: sliding by Exudyn's friction, without friction, or sticking."""
     n = row.normal
@@ -220,7 +267,10 @@ def _solve(equations: Equations, f: Array, active: Sequence[_Active]) -> tuple[A
     rhs = np.concatenate([equations.gamma, *(one.rhs for one in active)])
     free = np.linalg.solve(M, f)
     cost = np.concatenate([np.ones(len(J)), *(np.array([1.0, _DEAR, _DEAR])[: len(one.rhs)] for one in active)])
-    x = np.linalg.lstsq(S @ np.linalg.solve(M, C.T) / cost, rhs - S @ free, rcond=_RANK)[0] / cost
+    A, wanted, x = S @ np.linalg.solve(M, C.T) / cost, rhs - S @ free, np.zeros(len(rhs))
+    for _ in range(2):  # dear friction costs three digits, which the second pass brings back
+        x = x + np.linalg.lstsq(A, wanted - A @ x, rcond=_RANK)[0]
+    x = x / cost
     ends = np.cumsum([len(J), *(len(one.rhs) for one in active)])
     return free + np.linalg.solve(M, C.T @ x), x[: len(J)], np.split(x, ends)[1:-1]
 

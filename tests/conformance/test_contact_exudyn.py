@@ -132,6 +132,22 @@ def test_a_ball_at_rest_in_a_trough_sticks_where_some_forces_hold_it():
     close((found[0], total), truth, 1e-9)
 
 
+@pytest.mark.parametrize(("mu", "holds"), [(0.6, True), (0.501, True), (0.499, False)])
+def test_friction_holds_a_box_on_a_slope_whatever_its_corners_share(mu, holds):
+    """Slope 0.5: the lower corners bear five eighths of the load; of equal shares of friction the upper ones slip."""
+    corners = LAB.points([(x, y, -0.2) for x in (0.4, -0.4) for y in (0.3, -0.3)], friction=mu)
+    mechanism = LAB.free_body(2.0, (0.05, 0.06, 0.07), np.array([-4.5, 0.0, -9.0]), corners)
+    state = LAB.state([0, 0, 0.2], [0, 0, 0])
+    if not holds:
+        with pytest.raises(CannotRepresent, match="starts to slide"):
+            asked(mechanism, state)
+        return
+    a, alpha, forces = instant(mechanism, state)
+    close((a, alpha, forces.sum(axis=0)), (np.zeros(3), np.zeros(3), [9.0, 0.0, 18.0]), 1e-12)
+    normal, across = forces[:, 2], np.linalg.norm(forces[:, :2], axis=1)
+    assert np.all(across <= mu * normal * (1.0 + 1e-8))
+
+
 def test_what_starts_to_slide_is_refused():
     state = LAB.state([0, 0, 0.1], [0, 0, 0])
     with pytest.raises(CannotRepresent, match="'ball' starts to slide"):
