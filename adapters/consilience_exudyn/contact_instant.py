@@ -31,7 +31,7 @@ from consilience_exudyn.terms import Equations, Terms
 AT_REST = 1e-9
 """Velocity in m/s or rad/s below which a contact sticks; the same of a coordinate with dry friction."""
 
-_RANK = 1e-10
+_RANK, _ROUNDING = 1e-10, 1e-14
 _DEAR = 1e3
 """Weight of friction in the least norm of undetermined forces: normal forces that hold one another need less of it."""
 
@@ -267,9 +267,11 @@ def _solve(equations: Equations, f: Array, active: Sequence[_Active]) -> tuple[A
     rhs = np.concatenate([equations.gamma, *(one.rhs for one in active)])
     free = np.linalg.solve(M, f)
     cost = np.concatenate([np.ones(len(J)), *(np.array([1.0, _DEAR, _DEAR])[: len(one.rhs)] for one in active)])
-    A, wanted, x = S @ np.linalg.solve(M, C.T) / cost, rhs - S @ free, np.zeros(len(rhs))
-    for _ in range(2):  # dear friction costs three digits, which the second pass brings back
-        x = x + np.linalg.lstsq(A, wanted - A @ x, rcond=_RANK)[0]
+    A, wanted = S @ np.linalg.solve(M, C.T) / cost, rhs - S @ free
+    x = np.linalg.lstsq(A, wanted, rcond=_RANK)[0]
+    left = wanted - A @ x  # dear friction costs three digits, which a second solution brings back
+    if np.max(np.abs(left), initial=0.0) > _ROUNDING * np.max(np.abs(wanted), initial=0.0):
+        x = x + np.linalg.lstsq(A, left, rcond=_RANK)[0]
     x = x / cost
     ends = np.cumsum([len(J), *(len(one.rhs) for one in active)])
     return free + np.linalg.solve(M, C.T @ x), x[: len(J)], np.split(x, ends)[1:-1]
