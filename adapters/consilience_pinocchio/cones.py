@@ -115,7 +115,7 @@ def _models(sets: Sequence[ForceSet], unit: float = 1.0) -> tuple[Any, Any]:
 
 
 def _complementarity(f: Array, u: Array, sets: Sequence[ForceSet]) -> float:
-    """Return the largest power of a set's forces over the largest force, of Coulomb's cone with de Saxce's term."""
+    """Return the largest power of forces in cones and intervals over the largest force, with de Saxce's term."""
     start, found = 0, 0.0
     for one in sets:
         end = start + (1 if isinstance(one, Interval) else 3)
@@ -214,9 +214,10 @@ class ConeSolver:
             met = solver.solve(operator, y / unit, models, data, self._settings, result)
             self.iterations += int(result.iterations)
             f = unit * np.array(result.retrieveConstraintImpulses())
-            # Pinocchio's is infinite for a force without bound whose acceleration is negative, if only by rounding
             across = unit * result.complementarity
-            across = across if np.isfinite(across) else _complementarity(f, G @ f + y, sets)
+            if not (np.isfinite(across) or any(isinstance(one, Anchor) for one in sets)):
+                # infinite for a force without bound whose acceleration is negative, if only by rounding
+                across = _complementarity(f, G @ f + y, sets)
             worst = max(unit * result.primal_feasibility, unit * result.dual_feasibility, across)
             if met or worst <= (self.enough if most == FEW_ITERATIONS else ACCEPTED) * scale:
                 return f
