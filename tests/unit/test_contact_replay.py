@@ -122,6 +122,47 @@ def test_phases_of_stops_and_dry_frictions_are_told_by_their_events():
     assert pin["pieces"] == [[0.0, 0.7, "sliding"], [0.7, 1.1, "sticking"], [1.1, 2.4, "sliding"]]
 
 
+def test_phases_between_two_samples_are_those_of_the_events():
+    """Samples at 0.58 and 0.60 s slide, at 0.62 s sticks; at 1.20 s it sticks, at 1.22 and 1.24 s it is apart."""
+    mechanism, answer = box_on_skew_plane()
+    grips = [(0.585, 0, "sticks"), (0.59, 0, "slips"), (0.61, 0, "sticks")]
+    hops = [(1.205, 0, "opens"), (1.225, 0, "impact"), (1.23, 0, "impact"), (1.232, 0, "slips"), (1.235, 0, "opens")]
+    (found,) = phases(mechanism, replace(answer, **event([*grips, *hops])))
+    assert [tuple(piece) for piece in found["pieces"]] == [
+        (0.0, 0.585, "sliding"),
+        (0.585, 0.59, "sticking"),
+        (0.59, 0.61, "sliding"),
+        (0.61, 1.205, "sticking"),
+        (1.205, 1.23, "separated"),
+        (1.23, 1.232, "sticking"),
+        (1.232, 1.235, "sliding"),
+        (1.235, 2.4, "separated"),
+    ]
+    touches = [(1.205, 0, "opens"), (1.225, 0, "closes"), (1.235, 0, "opens")]
+    (found,) = phases(mechanism, replace(answer, **event(touches)))
+    assert [1.225, 1.235, "closed"] in found["pieces"]
+
+
+@pytest.mark.parametrize(
+    ("name", "element", "changes", "modes"),
+    [
+        # half-periods of pi/sqrt(k/m) about the edges of the dead band; the sixth ends within it
+        ("dry_spring", "guide", [6.0 * np.pi / np.sqrt(50.0)], ["sliding", "sticking"]),
+        ("bead_on_turning_rod-inward", "fit", [], ["sliding"]),  # it turns back without rest
+        # 0.5 = 3 t - M t^2/(2 I), M = 0.2 N m, I = 0.926311 kg m^2 about the hinge; no rebound, and the bearing holds
+        ("wheel_caught_by_stop", "stops", [0.1676784], ["separated", "closed"]),
+        ("pendulum_at_a_stop", "stop", [], ["separated"]),
+    ],
+)
+def test_phases_of_joints_that_move_at_the_start_or_are_caught_by_a_stop(name, element, changes, modes):
+    case, engine = load_case(name), load_engine("reference")
+    method = engine.methods(case.mechanism, Question.TRAJECTORY)[0]
+    answer = engine.trajectory(case.mechanism, case.initial_state, case.times, method, 1e-10)
+    (own,) = [one for one in phases(case.mechanism, answer) if one["name"] == element]
+    assert [mode for *_, mode in own["pieces"]] == modes
+    assert [a for a, *_ in own["pieces"]] == pytest.approx([0.0, *changes], abs=1e-6)
+
+
 def test_strips_are_proportional_to_time_and_say_the_same_in_words():
     mechanism, answer = box_on_skew_plane()
     told = replace(answer, **event([(0.6, 0, "impact"), (0.61, 0, "sticks"), (1.215, 0, "opens")]))

@@ -258,3 +258,12 @@ def test_a_cube_stops_where_a_slide_by_the_law_of_its_cone_ends(cone, slope, hea
     t1 /= np.linalg.norm(t1)
     place = start.p_WB[0] + start.R_WB[0] @ body.com + way[0] * t1 + way[1] * np.cross(n, t1)
     assert [known.value for known in case.published] == pytest.approx(place, abs=1e-12)
+
+
+@pytest.mark.parametrize("heading", [20, 90, 160])
+def test_a_cube_on_a_slope_near_level_stops_where_one_on_the_level_does(heading):
+    """A slope of 1e-8 deg moves the place by 1e-10 m or so; its powers of the heading overflow by themselves."""
+    level, sloping = (family_cases(f"sliding_cube:slope={slope},heading={heading}")[0] for slope in (0, 1e-8))
+    assert len(sloping.published) == 3
+    assert [p.value for p in sloping.published] == pytest.approx([p.value for p in level.published], abs=1e-9)
+    assert sloping.times[-1] == level.times[-1]

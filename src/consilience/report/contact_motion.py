@@ -18,26 +18,24 @@ from consilience.mechanism import (
     contact_pairs,
     contact_parts,
     determinate_forces,
+    joint_rates,
     nearest_points,
+    relative_motion,
 )
 
 CLOSED = 1e-6
 """Largest gap of a part that shares the point of a force, over the largest distance between parts' gaps."""
 
-_IMPACT = EVENT_KINDS.index("impact")
-_MODE_AFTER = {
-    "impact": "",
-    "closes": "closed",
-    "opens": "separated",
-    "slips": "sliding",
-    "sticks": "sticking",
-    "bounces end": "closed",
-}
-"""Mode of a stop or of a dry friction after an event; an impact leaves it open."""
+AT_REST = 1e-6
+"""Largest rate of a joint coordinate at rest, over its largest rate along the motion."""
+
+_MODE_AFTER = {"closes": "closed", "opens": "separated", "slips": "sliding", "sticks": "sticking"}
+_MODE_AFTER |= {"bounces end": "closed"}
+"""Mode of a stop or of a dry friction after an event; an impact leaves it open, or is one that closes."""
 
 _MODE_BEFORE = {"closes": "separated", "bounces end": "separated", "opens": "closed"}
 _MODE_BEFORE |= {"slips": "sticking", "sticks": "sliding"}
-"""Its mode before the first event that tells one."""
+"""Mode before an event, as far as events tell; a slip that reverses slips anew."""
 
 
 def contacts_at_frames(mechanism: Mechanism, answer: TrajectoryAnswer, samples: Array) -> list[dict[str, Any]]:
@@ -108,8 +106,8 @@ def _plain(values: Any) -> list[Any]:
 def phases(mechanism: Mechanism, answer: TrajectoryAnswer) -> list[dict[str, Any]]:
     """List the phases of contacts, stops and dry frictions, and the times of impacts, as `replayschema.ReplayPhases`.
 
-    The modes of contacts are those at samples, which change at the event between two samples, or without events at the
-    later one; those of stops and dry frictions are told by events alone.
+    The modes of contacts are those at samples, and between two samples those that events tell; without events they
+    change at the later sample. Those of stops and dry frictions are told by events alone.
     """
     found = []
     for c, contact in enumerate(mechanism.contacts):
@@ -119,11 +117,12 @@ def phases(mechanism: Mechanism, answer: TrajectoryAnswer) -> list[dict[str, Any
     in_joints: list[Stop | DryFriction] = [*mechanism.stops, *mechanism.dry_frictions]
     for k, element in enumerate(in_joints):
         events = _events(answer, len(mechanism.contacts) + k)
-        found.append(_phases(element.name, [], element.joint, _told(answer.time, events), events))
+        pieces = _told(mechanism, answer, element, events) if events else []
+        found.append(_phases(element.name, [], element.joint, pieces, events))
     return [one for one in found if one["pieces"]]
 
 
-_Event = tuple[float, int]
+_Event = tuple[float, str]
 _Piece = tuple[float, float, str]
 
 
@@ -132,36 +131,76 @@ def _events(answer: TrajectoryAnswer, index: int) -> list[_Event]:
     if answer.event_time is None or answer.event_contact is None or answer.event_kind is None:
         return []
     own = answer.event_contact == index
-    return list(zip(answer.event_time[own].tolist(), answer.event_kind[own].tolist(), strict=True))
+    kinds = [EVENT_KINDS[kind] for kind in answer.event_kind[own]]
+    return list(zip(answer.event_time[own].tolist(), kinds, strict=True))
 
 
 def _sampled(time: Array, modes: Array, events: list[_Event]) -> list[_Piece]:
-    changes = np.flatnonzero(np.diff(modes)) + 1
-    times = [float(time[0])]
-    for k in changes:
-        between = [(kind != _IMPACT, t) for t, kind in events if time[k - 1] < t <= time[k]]
-        times.append(max(between)[1] if between else float(time[k]))
-    names = [CONTACT_MODES[modes[k]] for k in (0, *changes)]
-    return [(a, b, mode) for (a, b), mode in zip(pairwise([*times, float(time[-1])]), names, strict=True)]
+    """Return the pieces of a contact."""
+    names = [CONTACT_MODES[mode] for mode in modes]
+    passed = np.searchsorted([t for t, _ in events], time, side="right")
+    changes = [(float(time[0]), names[0])]
+    for k, (before, after) in enumerate(pairwise(names)):
+        own = _changes(events[passed[k] : passed[k + 1]], before, after)
+        if own or before != after:
+            changes += [*own[:-1], (own[-1][0] if own else float(time[k + 1]), after)]
+    return _pieces(changes, float(time[-1]))
 
 
-def _told(time: Array, events: list[_Event]) -> list[_Piece]:
-    """Return the pieces that events tell; with impacts alone one piece apart, without events none."""
-    named = [(t, EVENT_KINDS[kind]) for t, kind in events]
-    telling = [(t, kind) for t, kind in named if _MODE_AFTER[kind]]
-    if not named:
-        return []
-    modes = [_MODE_BEFORE[telling[0][1]] if telling else "separated", *(_MODE_AFTER[kind] for _, kind in telling)]
-    times = [float(time[0]), *(t for t, _ in telling), float(time[-1])]
-    pieces = list[_Piece]()
-    for (a, b), mode in zip(pairwise(times), modes, strict=True):
+def _changes(events: list[_Event], mode: str, last: str) -> list[_Event]:
+    """Return times and modes after the events between two samples, from the modes at both."""
+    found = []
+    for k, (t, kind) in enumerate(events):
+        later = [one for _, one in events[k + 1 :]]
+        if kind == "impact" and (mode != "separated" or "impact" in later[:1]):
+            continue  # it leaves the mode, or is one of several
+        mode = _MODE_AFTER.get(kind, "closed")
+        if mode == "closed":  # it slides or sticks: what follows tells
+            mode = next((_MODE_BEFORE[one] for one in later if one != "impact"), last)
+        found.append((t, mode))
+    return found
+
+
+def _told(
+    mechanism: Mechanism, answer: TrajectoryAnswer, element: Stop | DryFriction, events: list[_Event]
+) -> list[_Piece]:
+    """Return the pieces of a stop or a dry friction: an impact closes that it stays closed after."""
+    start, end = float(answer.time[0]), float(answer.time[-1])
+    known = [*events[1:], (end, "")]
+    telling = []
+    for (t, kind), (then, following) in zip(events, known, strict=True):
+        stays = not following and not _moves(mechanism, answer, element, t, end)
+        closes = kind == "impact" and t < then and (following == "opens" or stays)
+        if kind in _MODE_AFTER or closes:
+            telling.append((t, _MODE_AFTER.get(kind, "closed"), _MODE_BEFORE.get(kind, "separated")))
+    first = telling[0][2] if telling else "separated"
+    if first == "sticking" and _moves(mechanism, answer, element, start, telling[0][0]):
+        first = "sliding"
+    return _pieces([(start, first), *((t, mode) for t, mode, _ in telling)], end)
+
+
+def _moves(
+    mechanism: Mechanism, answer: TrajectoryAnswer, element: Stop | DryFriction, start: float, end: float
+) -> bool:
+    """Whether the coordinate of a stop or a dry friction moves at a sample between two times."""
+    joint = next(one for one in mechanism.joints if one.name == element.joint)
+    motions = [relative_motion(mechanism, answer.state(k), joint) for k in range(len(answer.time))]
+    rates = np.abs([float(joint_rates(joint, motion)[element.coordinate]) for motion in motions])
+    inside = (start < answer.time) & (answer.time < end)
+    return bool(np.any(rates[inside] > AT_REST * np.max(rates)))
+
+
+def _pieces(changes: list[_Event], end: float) -> list[_Piece]:
+    """Return the pieces between times at which a mode begins; one that lasts no time, or goes on, is none."""
+    pieces: list[_Piece] = []
+    for (a, mode), (b, _) in pairwise([*changes, (end, "")]):
         if pieces and pieces[-1][2] == mode:
             pieces[-1] = (pieces[-1][0], b, mode)
-        else:
+        elif a < b or not pieces:
             pieces.append((a, b, mode))
     return pieces
 
 
 def _phases(name: str, bodies: list[str], joint: str, pieces: list[_Piece], events: list[_Event]) -> dict[str, Any]:
-    impacts = sorted({t for t, kind in events if kind == _IMPACT})
+    impacts = sorted({t for t, kind in events if kind == "impact"})
     return {"name": name, "bodies": bodies, "joint": joint, "pieces": [list(p) for p in pieces], "impacts": impacts}

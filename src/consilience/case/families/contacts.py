@@ -146,10 +146,10 @@ def _stop(a: float, th: float, mu: float, speed: float, cone: str) -> tuple[floa
         a_x = brake - drive if v[0] > 0 else brake + drive
         return speed / a_x, np.array([v[0] * speed / (2 * a_x), 0.0])
     w = np.tan(abs(th) / 2)
-    K = speed * np.sin(abs(th)) / (2 * w**k)
-    time = K / drive * (w ** (k - 1) / (k - 1) + w ** (k + 1) / (k + 1))
-    x = K**2 / drive * (w ** (2 * k - 2) / (2 * k - 2) - w ** (2 * k + 2) / (2 * k + 2))
-    y = 2 * K**2 / drive * (w ** (2 * k - 1) / (2 * k - 1) + w ** (2 * k + 1) / (2 * k + 1))
+    c = speed * np.sin(abs(th)) / 2  # K w^k at the start: powers of w by themselves overflow where k is large
+    time = c / drive * (1 / (w * (k - 1)) + w / (k + 1))
+    x = c**2 / drive * (1 / (w**2 * (2 * k - 2)) - w**2 / (2 * k + 2))
+    y = 2 * c**2 / drive * (1 / (w * (2 * k - 1)) + w / (2 * k + 1))
     return float(time), np.array([x, np.sign(th) * y])
 
 
