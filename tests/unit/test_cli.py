@@ -105,11 +105,14 @@ def test_bad_input_is_one_message_exit_code_2_and_no_traceback(folder, name):
 
 def test_cases_that_cannot_be_read_cost_no_other_its_answer(folder):
     (folder / "spoilt.toml").write_text(GOOD.replace("mass = 2.0", "mass = -2.0"))
-    names = ("spoilt.toml", "pendulum.toml", "no.toml")
+    floor = "[[contact]]\nname = 'floor'\nbody = 'bob'\nat = [0, 0, -1]\nradius = 0.1\npoint = [0, 0, 0]\nnormal = [0, 0, 1]\n"
+    (folder / "sunk.toml").write_text(GOOD + floor)
+    names = ("spoilt.toml", "pendulum.toml", "sunk.toml", "no.toml")
     done = called("run", *names, "-e", "reference", "-q", "model", "-o", "some", cwd=folder)
     assert done.returncode == 2
     assert "spoilt.toml" in done.stderr
     assert "no.toml: it cannot be read" in done.stderr
+    assert "sunk.toml: contact 'floor': bob and ground overlap by " in done.stderr
     records = [json.loads(line) for line in (folder / "some" / "report.jsonl").read_text().splitlines()]
     assert [(r["case"], r["status"]) for r in records if r["record"] == "run"] == [("pendulum", "answered")]
 

@@ -86,7 +86,7 @@ def chosen_cases(names: list[str] | None) -> list[Case]:
     Raises
     ------
     InvalidInput
-        If one cannot be read.
+        If one cannot be read, or has no start.
     """
     found, refused = sound_cases(names)
     if refused:
@@ -95,12 +95,12 @@ def chosen_cases(names: list[str] | None) -> list[Case]:
 
 
 def sound_cases(names: list[str] | None) -> tuple[list[Case], list[InvalidInput]]:
-    """Load the named cases that can be read, all shipped ones if none is named, with what is wrong with the others.
+    """Load the named cases that can be read and started, all shipped ones if none is named, with what is wrong elsewhere.
 
     Raises
     ------
     InvalidInput
-        If none can be read.
+        If none can be read and started.
     """
     from consilience.case import load_cases, shipped_cases
 
@@ -110,9 +110,16 @@ def sound_cases(names: list[str] | None) -> tuple[list[Case], list[InvalidInput]
     refused: list[InvalidInput] = []
     for name in names:
         try:
-            found += load_cases(name)
+            loaded = load_cases(name)
         except InvalidInput as error:
             refused.append(error)
+            continue
+        for case in loaded:
+            try:
+                _ = case.initial_state
+                found.append(case)
+            except InvalidInput as error:  # it does not assemble, or bodies overlap: no engine is asked, and none fails
+                refused.append(error)
     if not found:
         raise _together(refused)
     return found, refused

@@ -70,7 +70,7 @@ def run(
     """Ask the questions, compare, and write report.jsonl, report.html and report.md.
 
     Answers are kept in the folder as they come: the same command after an interruption goes on where it was. A case
-    that cannot be read is told, and costs no other its answer.
+    that cannot be read, or has no start, is told, and costs no other its answer.
     """
     from consilience.cli.commands.report import state_report
     from consilience.cli.terminal import err, log_to_stderr, progress_per_engine, say
