@@ -105,8 +105,8 @@ def test_bad_input_is_one_message_exit_code_2_and_no_traceback(folder, name):
 
 def test_cases_that_cannot_be_read_cost_no_other_its_answer(folder):
     (folder / "spoilt.toml").write_text(GOOD.replace("mass = 2.0", "mass = -2.0"))
-    floor = "[[contact]]\nname = 'floor'\nbody = 'bob'\nat = [0, 0, -1]\nradius = 0.1\npoint = [0, 0, 0]\nnormal = [0, 0, 1]\n"
-    (folder / "sunk.toml").write_text(GOOD + floor)
+    ball = "name = 'floor'\nbody = 'bob'\nat = [0, 0, -1]\nradius = 0.1\npoint = [0, 0, 0]\nnormal = [0, 0, 1]\n"
+    (folder / "sunk.toml").write_text(f"{GOOD}[[contact]]\n{ball}")
     names = ("spoilt.toml", "pendulum.toml", "sunk.toml", "no.toml")
     done = called("run", *names, "-e", "reference", "-q", "model", "-o", "some", cwd=folder)
     assert done.returncode == 2

@@ -95,12 +95,12 @@ def chosen_cases(names: list[str] | None) -> list[Case]:
 
 
 def sound_cases(names: list[str] | None) -> tuple[list[Case], list[InvalidInput]]:
-    """Load the named cases that can be read and started, all shipped ones if none is named, with what is wrong elsewhere.
+    """Load the named cases that have a start, all shipped ones if none is named, with what is wrong with the others.
 
     Raises
     ------
     InvalidInput
-        If none can be read and started.
+        If none can be read and has a start.
     """
     from consilience.case import load_cases, shipped_cases
 
