@@ -133,7 +133,9 @@ def refuse_contacts(mechanism: Mechanism) -> None:
     groups = {"contact": mechanism.contacts, "stop": mechanism.stops, "dry friction": mechanism.dry_frictions}
     for what, elements in groups.items():
         for element in elements:
-            raise InvalidInput(f"{what} '{element.name}'", "scripts have no contacts, stops or dry friction", "Export without it.")
+            raise InvalidInput(
+                f"{what} '{element.name}'", "scripts have no contacts, stops or dry friction", "Export without it."
+            )
 
 
 def element_data(mechanism: Mechanism, at: Places) -> dict[str, Any]:
