@@ -77,7 +77,7 @@ def _without_absent_meshes(spec: Any, path: Path, notes: Notes) -> None:
             spec.delete(geom)
     for mesh in absent.values():
         spec.delete(mesh)
-    notes.add("meshes that are not there: shapes, which a case does not have", *absent)
+    notes.add("meshes that are not there: shapes are not read", *absent)
     notes.check(path.name)
 
 
@@ -220,20 +220,18 @@ class _Model:
         joints = range(model.njnt)
         dofs = [slice(model.jnt_dofadr[j], model.jnt_dofadr[j] + _WIDTH[int(model.jnt_type[j])]) for j in joints]
         for reason, marked in {
-            "limits, which a case does not have": model.jnt_limited,
+            "limits, not read: a `stop` states them": model.jnt_limited,
             "limits of motors, which a case does not have": model.jnt_actfrclimited,
             "armature: a case has no rotor inertia": [np.any(model.dof_armature[d]) for d in dofs],
-            "Coulomb friction: a case needs the speed that regularises it": [
-                np.any(model.dof_frictionloss[d]) for d in dofs
-            ],
+            "Coulomb friction, not read: `dry_friction` states it": [np.any(model.dof_frictionloss[d]) for d in dofs],
             "spring that yields, kept as if it did not": model.jnt_springyield,
         }.items():
             add(reason, *(self.joint_name(j) for j in joints if marked[j]))
         for reason, marked in {
-            "limits, which a case does not have": model.tendon_limited,
+            "limits, which a case has in joints alone": model.tendon_limited,
             "limits of motors, which a case does not have": model.tendon_actfrclimited,
             "armature: a case has no rotor inertia": model.tendon_armature,
-            "Coulomb friction: a case needs the speed that regularises it": model.tendon_frictionloss,
+            "Coulomb friction, which a case has in joints alone": model.tendon_frictionloss,
             "spring or damper with a polynomial, its linear part kept": [
                 np.any(model.tendon_stiffnesspoly[t]) or np.any(model.tendon_dampingpoly[t])
                 for t in range(model.ntendon)
@@ -247,7 +245,7 @@ class _Model:
             *(self.body_name(b) for b in range(model.nbody) if model.body_mocapid[b] >= 0),
         )
         if model.ngeom:
-            add("shapes and their contacts", "mechanism")
+            add("shapes and their contacts, not read: a `contact` states which pairs touch", "mechanism")
         if model.opt.density or model.opt.viscosity:
             add("the medium: drag and lift", "mechanism")
         known = (_JOINT, _CONNECT, _WELD)

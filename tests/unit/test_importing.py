@@ -206,7 +206,7 @@ def test_the_command_writes_a_case_and_overwrites_nothing(tmp_path, capsys):
     (tmp_path / "model.urdf").write_text(urdf(more="<visual/>"))
     target = tmp_path / "case.toml"
     import_(tmp_path / "model.urdf", target)
-    assert "- shapes, which a case does not have: arm" in capsys.readouterr().out
+    assert "- shapes, not read: a `contact` states which pairs touch: arm" in capsys.readouterr().out
     (case,) = load_file(target)
     assert case.initial_state.p_WB.shape == (1, 3)
     with pytest.raises(InvalidInput, match="nothing is overwritten"):
@@ -298,7 +298,7 @@ def test_a_mesh_that_is_not_there_matters_only_for_inertia(tmp_path):
         more='<asset><mesh name="m" file="shell.stl"/></asset>',
     )
     found = read_mjcf(tmp_path, text)
-    assert found.notes.left_out["meshes that are not there: shapes, which a case does not have"] == ["m"]
+    assert found.notes.left_out["meshes that are not there: shapes are not read"] == ["m"]
     np.testing.assert_allclose(found.case.mechanism.bodies[1].inertia, np.diag([0.01, 0.02, 0.03]), atol=1e-17)
 
 

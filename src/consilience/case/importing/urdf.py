@@ -35,19 +35,21 @@ _IDENTITY = Frame(np.zeros(3), np.eye(3))
 
 _OF_A_JOINT = {"origin", "parent", "child", "axis", "dynamics", "mimic"}
 
-NO_PLACE = {
-    "visual": "shapes, which a case does not have",
-    "collision": "shapes, which a case does not have",
-    "limit": "limits, which a case does not have",
+COULOMB = "Coulomb friction, not read: `dry_friction` states it"
+LIMITS = "limits, not read: a `stop` states them"
+SHAPES = "shapes, not read: a `contact` states which pairs touch"
+
+LEFT_OUT = {
+    "visual": SHAPES,
+    "collision": SHAPES,
+    "limit": LIMITS,
     "safety_controller": "limits, which a case does not have",
     "calibration": "calibration, which a case does not have",
     "transmission": "transmissions and motors, which a case does not have",
-    "material": "shapes, which a case does not have",
+    "material": SHAPES,
     "gazebo": "extensions for Gazebo, not read",
 }
-"""Elements of the format without effect on the free motion, or without a place in a case."""
-
-COULOMB = "Coulomb friction: a case needs the speed that regularises it, and URDF has none"
+"""Elements of the format without effect on the free motion, or that are not read."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,11 +169,11 @@ class _UrdfReader:
         for element in robot:
             name = element.get("name") or element.get("reference") or element.tag
             if element.tag not in ("link", "joint"):
-                self.notes.add(NO_PLACE.get(element.tag, f"<{element.tag}>, not read"), name)
+                self.notes.add(LEFT_OUT.get(element.tag, f"<{element.tag}>, not read"), name)
                 continue
             used = {"inertial"} if element.tag == "link" else _OF_A_JOINT
             for tag in dict.fromkeys(e.tag for e in element if e.tag not in used):
-                reason = NO_PLACE.get(tag, f"<{tag}> of a {element.tag}, not read")
+                reason = LEFT_OUT.get(tag, f"<{tag}> of a {element.tag}, not read")
                 if name not in self.notes.left_out.get(reason, ()):
                     self.notes.add(reason, name)
 
