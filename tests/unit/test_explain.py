@@ -14,7 +14,7 @@ from consilience.cli.explanations import Explanation, Topic, find_explanations, 
 from consilience.cli.main import app
 from consilience.compare import Verdict
 from consilience.compare.rules import INSTANT_RULES, RULES
-from consilience.engine import Profile, Question, Route
+from consilience.engine import CONTACT_MODES, Profile, Question, Route
 from consilience.errors import InvalidInput
 from consilience.report.wording import AT_DEFAULTS, CAUSES, LOOKS
 from pages import ROOT
@@ -38,6 +38,11 @@ def test_everything_that_reports_name_is_explained():
 def test_the_words_of_a_report_for_a_verdict_lead_to_it(look):
     (entry,) = find_explanations(look.name)
     assert (entry.kind, entry.name) == (Topic.VERDICT, look.verdict)
+
+
+@pytest.mark.parametrize("word", ["contact", "stop", "dry friction", "impact", "apart", "bounces end", *CONTACT_MODES])
+def test_what_replays_and_phases_show_of_contacts_is_a_term(word):
+    assert find_explanations(word)[0].kind is Topic.TERM
 
 
 def test_rules_and_traps_are_those_of_the_code():
