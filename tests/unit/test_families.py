@@ -267,3 +267,18 @@ def test_a_cube_on_a_slope_near_level_stops_where_one_on_the_level_does(heading)
     assert len(sloping.published) == 3
     assert [p.value for p in sloping.published] == pytest.approx([p.value for p in level.published], abs=1e-9)
     assert sloping.times[-1] == level.times[-1]
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "box_stack:boxes=1,slope=20,friction=0.3639702342662024",  # above tan(20 deg) by one rounding
+        "balls_in_line:gap=0.30000000000000004",
+        "balls_in_line:gap=1e-05",
+        "sliding_cube:friction=0.1",
+    ],
+)
+def test_the_name_of_a_member_is_the_member(name):
+    (case,) = family_cases(name)
+    (again,) = family_cases(case.name)
+    assert (again.name, again.digest) == (case.name, case.digest)

@@ -122,7 +122,10 @@ def shown_parameters(family: Family) -> str:
 
 
 def shown(value: Any) -> str:
-    """Return a value as in a name."""
+    """Return a value as in a name, which reads as the same value."""
     if isinstance(value, bool):
         return str(value).lower()
-    return value if isinstance(value, str) else f"{value:.15g}"
+    if isinstance(value, str):
+        return value
+    short = f"{value:.15g}"
+    return short if float(short) == value else repr(value)
