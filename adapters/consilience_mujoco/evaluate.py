@@ -16,6 +16,9 @@ _SOLVED = 1e-6
 """Largest relative residual of a solution. Converged solutions are below 1e-9, failed ones of order one; in between
 reactions lose digits, but not the motion."""
 
+_ROUNDING = 1e-14
+"""Largest force at rest, over the largest bound of dry friction."""
+
 _SCALAR = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 
 
@@ -62,9 +65,10 @@ def solve_by_harness(translation: Translation) -> None:
 
 
 def check_solved(translation: Translation) -> None:
-    """Refuse accelerations and constraint forces that do not satisfy ``M a = f + J^T lam``.
+    """Refuse accelerations and constraint forces that do not satisfy ``M a = f + J^T lam``; none where all is at rest.
 
-    MuJoCo's solvers do not report that they ran out of iterations, or lost all digits.
+    MuJoCo's solvers do not report that they ran out of iterations, or lost all digits. Where dry friction holds springs
+    at rest, which pull by rounding, they stop at once, and nothing moves.
 
     Raises
     ------
@@ -77,6 +81,10 @@ def check_solved(translation: Translation) -> None:
     constraint = constraint_jacobian(translation).T @ data.efc_force
     scale = max(np.max(np.abs(f), initial=0.0) for f in (inertial, constraint, data.qfrc_smooth))
     residual = np.max(np.abs(inertial - data.qfrc_smooth - constraint), initial=0.0)
+    at_rest = max(np.max(np.abs(f), initial=0.0) for f in (inertial, data.qfrc_smooth))
+    if at_rest <= _ROUNDING * np.max(data.efc_frictionloss, initial=0.0):
+        data.efc_force[:] = 0.0
+        return
     if residual > _SOLVED * scale:
         raise EngineWarningError(f"the constraint solver stopped at a relative residual of {residual / scale:.1e}")
 

@@ -157,6 +157,17 @@ def test_the_force_at_the_start_tells_the_unit_of_time_where_the_drawing_is_in_e
     assert 0.5 < rate * found.settings[SETTING][2] * USUAL[2] < 2.0
 
 
+@pytest.mark.parametrize("strain", [0.0, 1e-17, -1e-13])
+@pytest.mark.parametrize("kind", ["prismatic", "revolute"])
+def test_what_springs_at_rest_pull_by_rounding_tells_no_unit_of_time(kind, strain):
+    """Without gravity, velocity or load; a time of 2^27 s, that of 1e-17 of the length, made three engines fail."""
+    alone = replace(chain(kind), gravity=np.zeros(3))
+    coordinate = "distance" if kind == "prismatic" else "angle"
+    spring = JointSpring("spring", alone.joints[0].name, coordinate, 50.0, 0.0, strain)
+    own = _units(replace(alone, joint_springs=(spring,)), states_of(alone, 1)[:0])
+    assert 0.5 < own.inverse.time <= 1.0
+
+
 @pytest.mark.parametrize(
     ("base", "method"),
     [(pendulum(Lab(), 0.3), METHODS[0]), (TREES["branched"], replace(METHODS[0], route=Route.EXTRAPOLATED))],

@@ -39,6 +39,9 @@ ORDINARY, FAST = 128.0, 4.0
 is rounding. A solver with absolute constants stops at 1e-6 of the forces of a ring of fifty bodies eight times as fast.
 """
 
+ROUNDED = 1e-12
+"""Strain of springs, in characteristic lengths or rad, below which what they pull is the rounding of a pose."""
+
 _PHYSICAL = (Question.MODEL, Question.INSTANT, Question.TRAJECTORY)
 
 
@@ -92,17 +95,28 @@ def _law_in(units: Units, law: ContactLaw | None) -> ContactLaw | None:
 def _units(mechanism: Mechanism, states: Sequence[State]) -> Units:
     """Return units in which the sizes of a mechanism are usual.
 
-    The time is that in which forces move it; where they hardly do, that in which its velocities move it.
+    The time is that in which forces move it; where they hardly do, that in which its velocities move it. What springs
+    at rest pull by rounding is no force.
     """
     mass, length = sum(body.mass for body in mechanism.bodies), characteristic_length(mechanism)
     with np.errstate(all="ignore"):  # forces in a drawing may overflow
         pull = applied_wrenches(mechanism, states[0] if states else drawing_state(mechanism)).total / (mass * length)
         pull[:, 3:] /= length
-        forced = float(np.sqrt(np.max(np.abs(pull))))
+        strongest = float(np.max(np.abs(pull)))
         moved = max((_largest(s.v_WB_W / length, s.w_WB_W) for s in states), default=0.0)
+    forced = float(np.sqrt(strongest)) if strongest > ROUNDED * _stiffness(mechanism, length) / mass else 0.0
     fastest = forced if forced * ORDINARY > moved else moved
     to_one = own_units(mechanism, 1.0 / fastest if 0.0 < fastest < np.inf else USUAL[2])
     return Units(*(size * factor for size, factor in zip(USUAL, to_one, strict=True)))
+
+
+def _stiffness(mechanism: Mechanism, length: float) -> float:
+    """Return the stiffness of the stiffest spring, that of a turn at the characteristic length, N/m."""
+    straight = [spring.stiffness for spring in mechanism.springs]
+    in_joints = [
+        spring.stiffness / (1.0 if spring.coordinate == "distance" else length**2) for spring in mechanism.joint_springs
+    ]
+    return float(np.max(np.abs([0.0, *straight, *in_joints])))
 
 
 def _largest(*values: Array) -> float:
