@@ -169,7 +169,7 @@ def simulate(
     form = formulation or ("relative" if forces is None else "descriptor")
     grid = np.asarray(times, dtype=float)
     touches = mechanism.contacts or mechanism.stops or mechanism.dry_frictions
-    if touches and formulation is None and forces is None:
+    if touches and formulation is None and integrator is None and forces is None:
         from consilience.reference.contact import simulate_with_contacts  # noqa: PLC0415
 
         answer = simulate_with_contacts(mechanism, state, grid, tolerance)[0]
@@ -181,26 +181,32 @@ def simulate(
 def accelerations(
     mechanism: Mechanism | Case | Drawing,
     states: State | Sequence[State] | None = None,
-    formulation: str = "descriptor",
+    formulation: str | None = None,
     t: float = 0.0,
 ) -> InstantAnswer:
-    """Compute accelerations, reactions and energies at consistent states, drives and loads at the time t.
+    """Compute accelerations, reactions, contact forces and energies at consistent states, drives and loads at time t.
 
     Parameters
     ----------
     mechanism : Mechanism, Case or Drawing
     states : State or sequence of State, optional
         Default: that of the case at its start, or the drawing at rest, assembled.
-    formulation, t
+    formulation : str, optional
+        Default: ``descriptor``; with contacts, stops or dry friction `consilience.reference.contact.contact_instant`.
+    t : float, s
         As in `consilience.reference.accelerations`, whose answers and errors these are.
     """
-    from consilience.mechanism import Mechanism  # noqa: PLC0415 - names of the library are imported at their first use
+    from consilience.mechanism import Mechanism, State  # noqa: PLC0415 - names are imported at their first use
     from consilience.reference import accelerations as compute  # noqa: PLC0415
 
-    if isinstance(mechanism, Mechanism) and states is not None:
-        return compute(mechanism, states, formulation, t)
-    case = _case(mechanism)
-    return compute(case.mechanism, case.initial_state if states is None else states, formulation, t)
+    if not isinstance(mechanism, Mechanism) or states is None:
+        case = _case(mechanism)
+        mechanism, states = case.mechanism, case.initial_state if states is None else states
+    if formulation is None and (mechanism.contacts or mechanism.stops or mechanism.dry_frictions):
+        from consilience.reference.contact import contact_instant  # noqa: PLC0415
+
+        return contact_instant(mechanism, [states] if isinstance(states, State) else states, t)
+    return compute(mechanism, states, formulation or "descriptor", t)
 
 
 def study(

@@ -391,3 +391,22 @@ def test_the_script_that_mypy_checks_runs(tmp_path):
     assert all(path.is_file() for path in script["shown"](case, tmp_path))
     assert script["driven"](tmp_path).drives[0].motion.at(0.0)[1] == pytest.approx(2.0)
     assert "pendulum" in script["compared"](case.mechanism, tmp_path)
+
+
+def test_accelerations_and_forces_of_a_block_that_slides_are_coulombs():
+    """N = m g, and mu g against the velocity; the four shares of the load are open, their sum is the contact's."""
+    draw = cs.Drawing("block", gravity=(0, 0, -9.81))
+    draw.body("block", mass=2.0, inertia=(0.03, 0.03, 0.05), at=(0, 0, 0.1))
+    draw.joint("flight", "free", "ground", "block", at=(0, 0, 0.1))
+    box = {"body": "block", "at": (0, 0, 0.1), "half_sizes": (0.2, 0.2, 0.1), "point": (0, 0, 0), "normal": (0, 0, 1)}
+    draw.add("contact", "floor", **box, friction=0.5)
+    case = draw.case(rates={"flight": {"position": (3.0, 4.0, 0.0)}}, duration=0.1)
+    for answer in (cs.accelerations(case), cs.accelerations(case.mechanism, [case.initial_state])):
+        assert answer.a_WB_W[0, 0] == pytest.approx(0.5 * 9.81 * np.array([-0.6, -0.8, 0.0]), abs=1e-12)
+        assert answer.contact_force[0, 0] == pytest.approx(2.0 * 9.81 * np.array([-0.3, -0.4, 1.0]), abs=1e-11)
+
+
+@pytest.mark.parametrize("chosen", [{"formulation": "null_space"}, {"integrator": "radau13"}])
+def test_a_motion_with_contacts_has_no_formulation_or_integrator_to_choose(chosen):
+    with pytest.raises(InvalidInput, match="contact_instant"):
+        cs.simulate(cs.load_case("box_tips"), **chosen)

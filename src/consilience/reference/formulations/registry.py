@@ -183,7 +183,8 @@ def refuse_contacts(mechanism: Mechanism) -> None:
     InvalidInput
     """
     for refusal in _contacts(mechanism):
-        raise InvalidInput(refusal.feature, refusal.reason, "Use consilience.reference.contact.simulate_with_contacts.")
+        what = "Use simulate_with_contacts or contact_instant of consilience.reference.contact."
+        raise InvalidInput(refusal.feature, refusal.reason, what)
 
 
 def formulation(name: str, mechanism: Mechanism) -> Formulation:
