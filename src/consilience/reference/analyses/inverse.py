@@ -23,6 +23,7 @@ from consilience.mechanism import (
 )
 from consilience.reference.analyses.joint_rows import all_coordinates, coordinate_rows
 from consilience.reference.analyses.statics import JointValues, applied_forces, solver_velocities
+from consilience.reference.analyses.touching import refuse_touching
 from consilience.reference.bodies.arrays import flatten
 from consilience.reference.bodies.canonical import joint_wrenches
 from consilience.reference.bodies.mass_metric import mass_matrix
@@ -75,13 +76,15 @@ def inverse_dynamics(
     Raises
     ------
     InvalidInput
-        A loop, a joint without scalar coordinates, missing or unknown coordinates, accelerations the joints forbid.
+        A loop, a joint without scalar coordinates, missing or unknown coordinates, accelerations the joints forbid, or
+        contacts, stops or dry friction that act.
 
     Notes
     -----
     For a tree S is square and regular; one solution gives multipliers and efforts.
     """
     free = _coordinates(mechanism)
+    refuse_touching(mechanism, state)
     rows, drift = coordinate_rows(mechanism, state, free)
     Q, gamma = constraint_jacobian(mechanism, state), constraint_gamma(mechanism, state)
     S = np.vstack([Q, rows])

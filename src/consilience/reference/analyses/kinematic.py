@@ -45,6 +45,7 @@ from consilience.reference.analyses.joint_rows import (
 )
 from consilience.reference.analyses.placing import CoordinateValues, acceleration_rows, place, require_holonomic
 from consilience.reference.analyses.statics import step_size
+from consilience.reference.analyses.touching import refuse_touching
 from consilience.reference.bodies.canonical import joint_wrenches, sample_times
 
 DriveFunction = Callable[[float], tuple[ArrayLike, ArrayLike, ArrayLike] | Array]
@@ -353,7 +354,7 @@ def driven_dynamics(mechanism: Mechanism, motion: KinematicMotion) -> DrivenDyna
     Raises
     ------
     InvalidInput
-        A controller with an integral, which is unknown at single instants.
+        A controller with an integral, which is unknown at single instants; contacts, stops or dry friction that act.
 
     Notes
     -----
@@ -370,6 +371,7 @@ def driven_dynamics(mechanism: Mechanism, motion: KinematicMotion) -> DrivenDyna
     efforts, couplings, wrenches = [], [], []
     for k, (t, state) in enumerate(zip(motion.times, motion.states, strict=True)):
         values = {name: {c: series[k] for c, series in by.items()} for name, by in motion.coordinates.items()}
+        refuse_touching(mechanism, state, values)
         Q, _ = acceleration_rows(mechanism, state, {(j, c): values[j.name][c] for j, c in all_coordinates(mechanism)})
         rows, _ = coordinate_rows(mechanism, state, driven)
         a = np.hstack([motion.a_WB_W[k], motion.alpha_WB_W[k]]).ravel()

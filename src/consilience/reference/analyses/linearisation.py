@@ -33,6 +33,7 @@ from consilience.reference.analyses.statics import (
     spring_length,
     step_size,
 )
+from consilience.reference.analyses.touching import refuse_touching
 from consilience.reference.bodies.arrays import flatten, pack, workspace
 from consilience.reference.bodies.forces import count_turns
 from consilience.reference.bodies.mass_metric import mass_matrix
@@ -113,7 +114,7 @@ def linearise(mechanism: Mechanism, equilibrium: State) -> Linearisation:
     Raises
     ------
     InvalidInput
-        A state or drive in motion, or a controller with an integral.
+        A state or drive in motion, a controller with an integral, or contacts, stops or dry friction that act.
     NoEquilibrium
         If the forces along the free directions do not vanish.
 
@@ -129,6 +130,7 @@ def linearise(mechanism: Mechanism, equilibrium: State) -> Linearisation:
     if np.any(equilibrium.v_WB_W) or np.any(equilibrium.w_WB_W):
         raise InvalidInput("equilibrium", "the state moves", "Give a state of rest, for example of static_equilibrium.")
     require_static(mechanism)
+    refuse_touching(mechanism, equilibrium)
     require_equilibrium(mechanism, equilibrium, _EQUILIBRIUM)
     N = free_directions(mechanism, equilibrium)
     T = solver_velocities(mechanism, equilibrium) @ N

@@ -28,6 +28,7 @@ from consilience.mechanism import (
     rotation_from_quaternion,
     skew,
 )
+from consilience.reference.analyses.touching import refuse_touching
 from consilience.reference.bodies import forces
 from consilience.reference.bodies.arrays import DISTANCE, flatten, pack, workspace
 from consilience.reference.bodies.forces import count_turns
@@ -234,7 +235,8 @@ def static_equilibrium(mechanism: Mechanism, guess: State, tolerance: float = 1e
     NoEquilibrium
         If none is found; the message tells the residual.
     InvalidInput
-        A drive that moves at time zero, a controller with an integral (see `require_static`).
+        A drive that moves at time zero, a controller with an integral (see `require_static`); an equilibrium at which
+        a contact is closed, a stop reached, or dry friction can hold (`refuse_touching`).
     CannotAssemble
         If the guess cannot be assembled.
 
@@ -254,6 +256,7 @@ def static_equilibrium(mechanism: Mechanism, guess: State, tolerance: float = 1e
             break
         point = found
     require_equilibrium(mechanism, point.state, tolerance)
+    refuse_touching(mechanism, point.state)
     return point.state
 
 

@@ -55,6 +55,7 @@ from consilience.reference.analyses.linearisation import (
 )
 from consilience.reference.analyses.placing import require_holonomic
 from consilience.reference.analyses.statics import force_scale
+from consilience.reference.analyses.touching import refuse_touching
 from consilience.reference.bodies.canonical import at_origins
 from consilience.reference.solver import simulate
 
@@ -137,7 +138,7 @@ def linearise_steady_motion(mechanism: Mechanism, state: State, cyclic: Sequence
     ------
     InvalidInput
         Unknown coordinates; rolling bodies and skates; a freedom that joint coordinates do not describe (the spin of a
-        link between two spherical joints).
+        link between two spherical joints); contacts, stops or dry friction that act.
     NotSteady
         If other coordinates move, or if speeds change at the state or after one radian of motion.
 
@@ -150,6 +151,7 @@ def linearise_steady_motion(mechanism: Mechanism, state: State, cyclic: Sequence
     """
     why = "it holds velocities: perturbations of positions and of speeds differ in number"
     require_holonomic(mechanism, why, "Differentiate accelerations along the motion.")
+    refuse_touching(mechanism, state)
     point = _steady_point(mechanism, state, [named_coordinate(mechanism, *name, "cyclic") for name in cyclic])
     _require_steady(point)
     N = free_directions(mechanism, state)

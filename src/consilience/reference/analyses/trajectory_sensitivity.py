@@ -26,6 +26,7 @@ from consilience.reference.bodies.canonical import sample_times
 from consilience.reference.bodies.forces import count_turns
 from consilience.reference.bodies.projection import project
 from consilience.reference.formulations import compiled_choice
+from consilience.reference.formulations.registry import refuse_contacts
 
 _STEP = 1e-3
 """Step of the differences, in scales: truncation is its fourth power, rounding is divided by it."""
@@ -94,12 +95,13 @@ def trajectory_sensitivity(
     Raises
     ------
     InvalidInput
-        Unknown paths, times that do not increase.
+        Unknown paths, times that do not increase, contacts, stops or dry friction.
     NumericalFailure
         If the integration fails.
     """
     t = sample_times(times)
     mechanism = _mechanism(subject)
+    refuse_contacts(mechanism)
     parameters = [_prepared(subject, path) for path in paths]
     y0 = pack(mechanism, start(subject))
     first = [y0, *(_initial(subject, start, path, y0) for path in paths)]

@@ -1,0 +1,99 @@
+"""Analyses where contacts, stops or dry friction act, of whose forces their equations know nothing.
+
+A slider of 1 kg on a spring of 100 N/m, whose rest is 1 m away, with a wall after 0.2 m: it rests at the wall, and
+neither at the rest of the spring nor with the frequency of the free slider.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from consilience.errors import InvalidInput
+from consilience.mechanism import (
+    GROUND,
+    Body,
+    DryFriction,
+    Frame,
+    Initial,
+    Joint,
+    JointSpring,
+    Mechanism,
+    SpherePlane,
+    Stop,
+    initial_state,
+)
+from consilience.reference.analyses import (
+    driven_dynamics,
+    inverse_dynamics,
+    kinematic_motion,
+    linearise,
+    linearise_steady_motion,
+    static_equilibrium,
+    trajectory_sensitivity,
+)
+
+X, ZERO = np.array([1.0, 0.0, 0.0]), np.zeros(3)
+ALONG_X = Frame(ZERO, np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))
+
+
+def slider(rest, **elements):
+    body = Body("slider", 1.0, ZERO, 0.1 * np.eye(3), Frame(ZERO, np.eye(3)))
+    joint = Joint("slide", "prismatic", GROUND, "slider", ALONG_X, ALONG_X)
+    spring = JointSpring("spring", "slide", "distance", 100.0, 0.0, rest)
+    return Mechanism("slider", ZERO, (body,), (joint,), joint_springs=(spring,), **elements)
+
+
+ACTING = {
+    "contact 'wall'": {"contacts": (SpherePlane("wall", "slider", ZERO, 0.1, GROUND, 0.3 * X, -X),)},
+    "stop 'end'": {"stops": (Stop("end", "slide", "distance", upper=0.2),)},
+    "dry friction 'guide'": {"dry_frictions": (DryFriction("guide", "slide", "distance", bound=200.0),)},
+}
+
+
+def at(mechanism, distance):
+    return initial_state(mechanism, Initial(coordinates={"slide": {"distance": distance}}))
+
+
+@pytest.mark.parametrize("name", ACTING)
+def test_analyses_refuse_by_name_what_acts_and_is_none_of_their_forces(name):
+    mechanism, still = slider(1.0, **ACTING[name]), {"slide": {"distance": 0.0}}
+    held, times = replace(mechanism, joint_springs=()), np.linspace(0.0, 1.0, 3)
+    motion = kinematic_motion(held, {("slide", "distance"): lambda t: (0.2 * t, 0.2, 0.0)}, times, at(held, 0.0))
+    wall = at(mechanism, 0.2)
+    for analysis in (
+        lambda: static_equilibrium(mechanism, at(mechanism, 0.0)),
+        lambda: linearise(mechanism, wall),
+        lambda: linearise_steady_motion(mechanism, wall, ()),
+        lambda: inverse_dynamics(mechanism, wall, still),
+        lambda: driven_dynamics(held, motion),
+        lambda: trajectory_sensitivity(mechanism, lambda m: at(m, 0.0), times, ["body.slider.mass"]),
+    ):
+        with pytest.raises(InvalidInput, match=name):
+            analysis()
+
+
+@pytest.mark.parametrize("name", list(ACTING)[:2])
+def test_what_nothing_touches_vibrates_as_without_walls(name):
+    mechanism = slider(0.1, **ACTING[name])
+    rests = static_equilibrium(mechanism, at(mechanism, 0.0))
+    assert rests.p_WB[0] == pytest.approx([0.1, 0.0, 0.0], abs=1e-12)
+    assert linearise(mechanism, rests).frequencies == pytest.approx([10.0], abs=1e-8)
+    assert inverse_dynamics(mechanism, rests, {"slide": {"distance": 2.0}}).efforts["slide"]["distance"] == (
+        pytest.approx(2.0, abs=1e-10)
+    )
+
+
+def test_turns_of_a_driven_joint_tell_whether_its_stop_is_reached():
+    """A stop at 7 rad, driven through 6.9 rad, which a pose alone does not tell from 0.6 rad."""
+    body = Body("arm", 1.0, ZERO, 0.1 * np.eye(3), Frame(ZERO, np.eye(3)))
+    hinge = Joint("hinge", "revolute", GROUND, "arm", Frame(ZERO, np.eye(3)), Frame(ZERO, np.eye(3)))
+    for end, passes in ((7.0, True), (6.5, False)):
+        arm = Mechanism("arm", ZERO, (body,), (hinge,), stops=(Stop("end", "hinge", "angle", upper=end),))
+        turning = {("hinge", "angle"): lambda t: (6.9 * t * t, 13.8 * t, 13.8)}
+        motion = kinematic_motion(arm, turning, np.linspace(0.0, 1.0, 11), initial_state(arm))
+        if passes:
+            assert driven_dynamics(arm, motion).efforts["hinge"]["angle"] == pytest.approx(1.38, abs=1e-12)
+            continue
+        with pytest.raises(InvalidInput, match=r"stop 'end'.*is 6\.9"):
+            driven_dynamics(arm, motion)
