@@ -168,8 +168,7 @@ def simulate(
         state = initial_state(mechanism)
     form = formulation or ("relative" if forces is None else "descriptor")
     grid = np.asarray(times, dtype=float)
-    touches = mechanism.contacts or mechanism.stops or mechanism.dry_frictions
-    if touches and formulation is None and integrator is None and forces is None:
+    if _touches(mechanism) and formulation is None and integrator is None and forces is None:
         from consilience.reference.contact import simulate_with_contacts  # noqa: PLC0415
 
         answer = simulate_with_contacts(mechanism, state, grid, tolerance)[0]
@@ -202,11 +201,16 @@ def accelerations(
     if not isinstance(mechanism, Mechanism) or states is None:
         case = _case(mechanism)
         mechanism, states = case.mechanism, case.initial_state if states is None else states
-    if formulation is None and (mechanism.contacts or mechanism.stops or mechanism.dry_frictions):
+    if formulation is None and _touches(mechanism):
         from consilience.reference.contact import contact_instant  # noqa: PLC0415
 
         return contact_instant(mechanism, [states] if isinstance(states, State) else states, t)
     return compute(mechanism, states, formulation or "descriptor", t)
+
+
+def _touches(mechanism: Mechanism) -> bool:
+    """Return whether a mechanism has contacts, stops or dry friction."""
+    return bool(mechanism.contacts or mechanism.stops or mechanism.dry_frictions)
 
 
 def study(

@@ -36,10 +36,22 @@ LARGEST = 12
 
 
 def can_be_told(mechanism: Mechanism) -> bool:
-    """Whether a state determines the reactions: without integral controllers and contacts, and with few bodies."""
+    """Whether a state determines the reactions (`_depend_on`), and there are few bodies."""
     held = bool(mechanism.joints) and any(joint.rows for joint in mechanism.joints)
     small = len(mechanism.bodies) <= LARGEST and len(mechanism.joints) <= 2 * LARGEST
-    return held and small and not mechanism.contacts and not any(c.integral for c in mechanism.controls)
+    return held and small and not _depend_on(mechanism)
+
+
+def _depend_on(mechanism: Mechanism) -> list[str]:
+    """Return the elements whose forces, which act on the reactions, the state alone does not determine."""
+    found = [f"control '{c.name}'" for c in mechanism.controls if c.integral]
+    for what, elements in (
+        ("contact", mechanism.contacts),
+        ("stop", mechanism.stops),
+        ("dry friction", mechanism.dry_frictions),
+    ):
+        found += [f"{what} '{element.name}'" for element in elements]
+    return found
 
 
 def reactions_over_time(mechanism: Mechanism, answer: TrajectoryAnswer, samples: Array) -> Array:
@@ -66,11 +78,11 @@ def reactions_over_samples(mechanism: Mechanism, answer: TrajectoryAnswer) -> Ar
     InvalidInput
         States do not determine the reactions.
     """
-    integrals = [f"control '{c.name}'" for c in mechanism.controls if c.integral]
-    undetermined = [*integrals, *(f"contact '{c.name}'" for c in mechanism.contacts)]
-    if undetermined:
-        what = f"they depend on more than the state: {undetermined[0]}"
-        raise InvalidInput("reactions", what, "Ask for those of mechanisms without integral controllers and contacts.")
+    more = _depend_on(mechanism)
+    if more:
+        what = f"they depend on more than the state: {more[0]}"
+        remedy = "Ask for those of mechanisms without integral controllers, contacts, stops and dry friction."
+        raise InvalidInput("reactions", what, remedy)
     turns = _turns(mechanism, answer, np.arange(len(answer.time)))
     times = enumerate(zip(answer.time, turns, strict=True))
     return np.array([reactions(mechanism, answer.state(k), t, angles) for k, (t, angles) in times])

@@ -120,7 +120,8 @@ class Simulation(TrajectoryAnswer):
         Raises
         ------
         InvalidInput
-            There is no such joint, or states do not determine reactions (integral controllers, contacts).
+            There is no such joint, or states do not determine reactions (integral controllers, contacts, stops, dry
+            friction; of these three `consilience.accelerations` has them at single states).
         """
         chosen = ... if joint is None else self.mechanism.joints.index(self._joint(joint))
         found: Array = reactions_over_samples(self.mechanism, self)[:, chosen]
