@@ -168,9 +168,11 @@ def simulate(
         state = initial_state(mechanism)
     form = formulation or ("relative" if forces is None else "descriptor")
     grid = np.asarray(times, dtype=float)
-    if _touches(mechanism) and formulation is None and integrator is None and forces is None:
+    if _touches(mechanism) and formulation is None and forces is None and integrator is None:
+        from consilience.mechanism import assembled  # noqa: PLC0415
         from consilience.reference.contact import simulate_with_contacts  # noqa: PLC0415
 
+        state = assembled(mechanism, state, float(grid[0])) if assemble else state
         answer = simulate_with_contacts(mechanism, state, grid, tolerance)[0]
     else:
         answer = integrate(mechanism, state, grid, tolerance, form, integrator, forces, assemble)

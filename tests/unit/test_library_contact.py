@@ -1,11 +1,13 @@
-"""The library where stops, dry friction or contacts act: reactions of a rod that rests, and what a motion does not tell."""
+"""The library where stops, dry friction or contacts act: reactions of what rests, starts that joints forbid."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import consilience as cs
 from consilience.errors import InvalidInput
-from consilience.mechanism import Initial, initial_state
+from consilience.mechanism import Initial, constraint_residual, initial_state
 from consilience.report.curves import curve_sets
 from contact_problems import LEVEL, Lab, pendulum, rolling_ball, stop_torque
 
@@ -47,3 +49,16 @@ def test_accelerations_with_contacts_have_the_forces_of_their_laws():
     assert LAB.axes.T @ found.contact_force[0, 0] == pytest.approx(force, abs=1e-12)
     with pytest.raises(InvalidInput, match="smooth equations of motion"):
         cs.accelerations(ball, [state], "descriptor")
+
+
+def test_a_motion_with_contacts_does_not_start_from_a_state_that_its_joints_forbid():
+    rod, state = resting("dry friction")
+    off = replace(state, p_WB=state.p_WB + 0.1)
+    with pytest.raises(InvalidInput, match=r"joint 'hinge'.* is violated"):
+        cs.simulate(rod, off, np.linspace(0.0, 0.2, 3))
+    with pytest.raises(InvalidInput, match=r"joint 'hinge'.* has a wrong rate"):
+        cs.simulate(rod, replace(state, v_WB_W=state.v_WB_W + 0.1), np.linspace(0.0, 0.2, 3))
+    placed = cs.simulate(rod, off, np.linspace(0.0, 0.2, 3), assemble=True)
+    assert np.max(np.abs(constraint_residual(rod, placed.state(0)))) < 1e-12
+    with pytest.raises(InvalidInput, match="smooth equations of motion"):
+        cs.simulate(rod, state, np.linspace(0.0, 0.2, 3), integrator="radau13")

@@ -134,7 +134,7 @@ from consilience.mechanism.spatial import (
     rotation_with_z_axis,
     skew,
 )
-from consilience.mechanism.start import initial_state
+from consilience.mechanism.start import assembled, initial_state
 from consilience.mechanism.stops import DryFriction, Stop
 from consilience.mechanism.units import (
     Units,
@@ -207,6 +207,7 @@ __all__ = [
     "applied_wrenches",
     "assemble_positions",
     "assemble_velocities",
+    "assembled",
     "ball",
     "bar",
     "block",

@@ -76,6 +76,16 @@ def assemble(mechanism: Mechanism, start: Start, t: float) -> State:
     return assemble_velocities(mechanism, placed, start.rates, t)
 
 
+def assembled(mechanism: Mechanism, state: State, t: float) -> State:
+    """Return the consistent state that is nearest to a state at the time t, in s.
+
+    Raises
+    ------
+    CannotAssemble
+    """
+    return assemble_velocities(mechanism, assemble_positions(mechanism, state, t=t), t=t)
+
+
 def initial_state(mechanism: Mechanism, initial: Initial | None = None, t: float = 0.0) -> State:
     """Return the consistent state of a mechanism at the time t, in s, for given initial conditions.
 

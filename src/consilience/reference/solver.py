@@ -13,8 +13,7 @@ from consilience.mechanism import (
     Array,
     Mechanism,
     State,
-    assemble_positions,
-    assemble_velocities,
+    assembled,
     body_point,
     characteristic_length,
     constraint_gamma,
@@ -100,8 +99,7 @@ def simulate(
     if integrator == "gauss":
         _refuse_rough_dampers(mechanism)
     if assemble:
-        t = float(sample_times(times)[0])
-        state = assemble_velocities(mechanism, assemble_positions(mechanism, state, t=t), t=t)
+        state = assembled(mechanism, state, float(sample_times(times)[0]))
     if formulation in registry.SYSTEMS:
         return _system(mechanism, state, times, tolerance, formulation, {"integrator": integrator, "forces": forces})
     if not 1e-14 <= tolerance <= 1e-3:

@@ -19,11 +19,15 @@ from consilience.mechanism import (
     kept_in_units,
     motion_units,
     refuse_flat_discs,
+    require_states,
     telling_si,
 )
+from consilience.reference.bodies.arrays import flatten, pack
 from consilience.reference.bodies.canonical import sample_times
+from consilience.reference.bodies.consistency import check_given
 from consilience.reference.contact.energy_balance import refuse_lost_energy
 from consilience.reference.contact.impact import Impact
+from consilience.reference.contact.layout import smooth_mechanism
 from consilience.reference.contact.samples import ContactEvent
 from consilience.reference.contact.simulation import ContactSimulation
 
@@ -55,8 +59,8 @@ def simulate_with_contacts(
     Raises
     ------
     InvalidInput
-        Tolerance out of range, times that do not increase, a contact that overlaps at the start, or a disc that is
-        parallel to its plane there.
+        Tolerance out of range, times that do not increase, a state that is not consistent, a contact that overlaps at
+        the start, or a disc that is parallel to its plane there.
     NumericalFailure
         The laws of contact have no solution or several (Painleve), a disc comes parallel to its plane, energy vanishes
         besides the losses, or the integration fails.
@@ -84,6 +88,9 @@ def _integrate(
     mechanism: Mechanism, state: State, times: Array, tolerance: float, impacts: str = "newton"
 ) -> tuple[ContactSimulation, TrajectoryAnswer, Units]:
     """Integrate in the mechanism's own units; return the simulation, the motion in SI units, and what leads back."""
+    require_states(mechanism, (state,))
+    smooth = smooth_mechanism(mechanism)
+    check_given(smooth, flatten(smooth), times, pack(smooth, state))
     refuse_flat_discs(mechanism, state)
     units = motion_units(mechanism, times)
     own, start, grid = kept_in_units(mechanism, units), units.convert(state), units.time * times

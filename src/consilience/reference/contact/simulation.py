@@ -355,8 +355,8 @@ class ContactSimulation:
             with telling_time(self.stepper.t):
                 impact = apply_impact(self.equations, response, stepper, taking, restitution, still, self.law)
             self.impacts.append(impact)
-            loss = impact.energy - impact.energy_after
-            stepper.place(impact.after, stepper.contact_forces(impact.force), loss)
+            lost = sum(impact.losses(self.layout))  # drives, too, change the energy
+            stepper.place(impact.after, stepper.contact_forces(impact.force), lost)
         raise NumericalFailure(f"{_CHAIN} impacts at the instant t = {stepper.t:.12g} s: velocities do not settle")
 
     def _restitution(self, rate: Array, strikes: Array, response: Response) -> Array:
