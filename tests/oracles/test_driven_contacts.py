@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from consilience.errors import NumericalFailure
 from consilience.mechanism import (
     GROUND,
     Body,
     Drive,
     Frame,
+    Function,
     Initial,
     Joint,
     Mechanism,
@@ -21,7 +23,7 @@ from consilience.mechanism import (
     initial_state,
     sine,
 )
-from consilience.reference.contact import simulate_with_contacts
+from consilience.reference.contact import contact_instant, simulate_with_contacts
 from mechanisms import rotation
 
 TURN = rotation(np.random.default_rng(47))
@@ -117,3 +119,32 @@ def test_friction_takes_the_way_that_a_drive_goes_to_and_fro():
     assert answer.contact_loss[-1] == pytest.approx(mu * MASS * G * np.sum(np.abs(ways)), abs=1e-10)
     pushed = MASS * G * (end * Z - mu * np.sign(ways) @ np.diff(ends) * X)
     assert np.sum(answer.contact_impulse[:, 0], axis=0) == pytest.approx(pushed, abs=1e-10)
+
+
+def on_a_rail(normal, friction, **elements):
+    """Block on a rail along X, which touches a plane."""
+    touch = SpherePlane("touch", "block", ZERO, 0.1, GROUND, -0.1 * normal, normal, friction=friction)
+    rail = slider("rail", GROUND, "block", ZERO, ALONG)
+    return Mechanism("railed", -G * Z, (body("block", MASS, ZERO),), (rail,), contacts=(touch,), **elements)
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_what_a_drive_presses_into_a_wall_is_told_as_such(friction):
+    """``q'' = 1 m/s^2`` into the wall from rest: no force is in the way of a drive."""
+    pushes = Drive("ram", "rail", "distance", Function(np.array([0.0, 0.0, 0.5])))
+    mechanism = on_a_rail(-X, friction, drives=(pushes,))
+    state = initial_state(mechanism)
+    for ask in (
+        lambda: contact_instant(mechanism, [state]),
+        lambda: simulate_with_contacts(mechanism, state, np.linspace(0.0, 1.0, 3)),
+    ):
+        with pytest.raises(NumericalFailure, match="contact 'touch': joints or drives press its bodies together"):
+            ask()
+
+
+def test_friction_under_a_load_that_a_rail_carries_as_well_is_open():
+    """``G_nn = 0`` and no acceleration: any load obeys the laws, and each slows the block in another way."""
+    mechanism = on_a_rail(Z, 0.3)
+    moving = initial_state(mechanism, Initial(rates={"rail": {"distance": 1.0}}))
+    with pytest.raises(NumericalFailure, match="'touch' allow several accelerations: joints carry its load as well"):
+        contact_instant(mechanism, [moving])

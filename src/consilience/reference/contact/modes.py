@@ -262,7 +262,8 @@ def solve_modes(
         told = MOREAU
     raise NumericalFailure(
         f"impact at t = {time:.12g} s: no combination of sliding, sticking and released contacts is admissible "
-        f"for {', '.join(law.names)}: the bodies are wedged, or restitution asks for what the joints forbid{told}"
+        f"for {', '.join(law.names)}: the bodies are wedged or driven together, or restitution asks for what "
+        f"the joints forbid{told}"
     )
 
 

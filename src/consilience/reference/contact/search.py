@@ -276,8 +276,16 @@ class ModeSearch:
 
     def failure(self) -> NumericalFailure:
         """Return the error of a problem without a solution."""
+        held = [n for n in self.problem.normals if not np.any(self.problem.delassus[n])]
+        for n in held:
+            if self.problem.free[n] < 0.0:
+                what = "joints or drives press its bodies together, and no force of contact parts them"
+                return NumericalFailure(f"{self.problem.names[n]}: {what}")
         if len(self.problem.normals) == 1 and not self.undecided:
             n = self.problem.normals[0]
+            if held:
+                what = "joints carry its load as well, how much is open, and with it its friction"
+                return NumericalFailure(f"the laws of {self.problem.names[n]} allow several accelerations: {what}")
             _, S, _ = columns_and_rows(self.problem, self.natural)
             slope = float((self.problem.delassus @ S)[n, 0])
             return PainleveParadox(
