@@ -12,6 +12,8 @@ from consilience.errors import NumericalFailure
 from consilience.mechanism import (
     GROUND,
     Body,
+    Compliance,
+    Cone,
     Drive,
     Frame,
     Function,
@@ -148,3 +150,18 @@ def test_friction_under_a_load_that_a_rail_carries_as_well_is_open():
     moving = initial_state(mechanism, Initial(rates={"rail": {"distance": 1.0}}))
     with pytest.raises(NumericalFailure, match="'touch' allow several accelerations: joints carry its load as well"):
         contact_instant(mechanism, [moving])
+
+
+@pytest.mark.parametrize("cone", [Cone(), Cone("pyramid", 7), Cone("box")], ids=lambda cone: cone.kind)
+def test_a_spring_that_just_touches_on_a_rail_holds_nothing_whatever_rounding_leaves_of_its_force(cone):
+    """The gap is zero, of either sign by rounding, and so is the bound of friction."""
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        axes, at = rotation(rng), rng.normal(size=3)
+        rail = Joint("rail", "prismatic", GROUND, "block", Frame(at, axes), Frame(ZERO, axes))
+        soft = {"friction": 0.5, "cone": cone, "compliance": Compliance(2500.0, 9.0)}
+        touch = SpherePlane("touch", "block", ZERO, 0.1, GROUND, at - 0.1 * axes[:, 0], axes[:, 0], **soft)
+        mechanism = Mechanism("railed", -G * axes[:, 0], (body("block", MASS, at),), (rail,), contacts=(touch,))
+        answer, _ = simulate_with_contacts(mechanism, initial_state(mechanism), np.linspace(0.0, 1.0, 3), 1e-10)
+        assert answer.p_WB[-1, 0] == pytest.approx(at, abs=1e-12)
+        assert np.max(np.abs(answer.contact_impulse)) < 1e-10

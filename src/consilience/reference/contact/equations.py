@@ -129,7 +129,7 @@ class ContactEquations(CompiledEquations):
         given[3 * self._springs] = np.where(self.pressed, self._spring_forces(), 0.0)
         for j, one in enumerate(self.layout.friction):
             if one.load in self._bounded:
-                self.offsets[j] = given[one.load]
+                self.offsets[j] = max(given[one.load], 0.0)  # of rounding it may be less
         return given
 
     def _reaction(self, j: int, z: Array, load: Array) -> JointReaction:

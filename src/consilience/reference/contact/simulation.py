@@ -240,7 +240,8 @@ class ContactSimulation:
             if watch.kind == "group":
                 normals, sets, force = binding_bounds(self.equations, response, modes, watch.scale)
             opened.update(normals)
-            started = {j: start_of_slip(self.layout.friction[j], modes.friction[j], force) for j in sets}
+            begins = {j: start_of_slip(self.layout.friction[j], modes.friction[j], force) for j in sets}
+            started = {j: heading for j, heading in begins.items() if np.any(heading)}  # no force, no direction
         self._settle(frozenset(opened), started, frozenset(stopped), frozenset(closing))
 
     def _settle(
