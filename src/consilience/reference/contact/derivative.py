@@ -5,6 +5,7 @@ The equations are those of `equations`. Everything is one kernel, `serve`, which
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -217,7 +218,7 @@ def _accelerations(system: ContactSystem, t: float, y: Array, a: Array, p: Array
 
 @allocating
 def _rates(system: ContactSystem, t: float, y: Array, dY: Array) -> None:
-    """Write the derivative of a packed state, of the impulses of contacts and the energy lost in their units."""
+    """Write the derivative of a packed state, and of what is summed over time (`RowLayout.sums`)."""
     model, rows = system.model, system.rows
     count = y.shape[0] * y.shape[1]
     dy = dY[:count].reshape(-1, 13)
@@ -232,6 +233,8 @@ def _rates(system: ContactSystem, t: float, y: Array, dY: Array) -> None:
             force = p[3 * k + axis] / system.sums[0]
             for i in range(3):
                 dY[count + 3 * system.modes.owner[k] + i] += force * rows.frame[k, axis, i]
+    for r in range(p.shape[0] if (dY.shape[0] - count) % 3 == 2 else 0):  # weights without a pattern
+        dY[dY.shape[0] - 2] += math.cos(r) * p[r] / system.sums[0]
     dY[dY.shape[0] - 1] = -dot_rows(p, rows.u) / system.sums[1]
 
 
@@ -345,7 +348,7 @@ def serve(system: ContactSystem, request: int, t: float, z: Array, out: Array) -
     ----------
     system : ContactSystem
     request, t, z, out : see `motion.ask`
-        The state z is packed, then impulses (n_c, 3) and the loss, both in their units.
+        The state z is packed, then `RowLayout.sums` numbers.
     """
     state, result = array_of(z), array_of(out)
     model, rows, ws = system.model, system.rows, system.ws

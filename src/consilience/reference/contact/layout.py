@@ -78,6 +78,16 @@ class RowLayout:
         """`normals` as an array."""
         return np.array(self.normals, dtype=np.int64)
 
+    @property
+    def sums(self) -> int:
+        """Return how many numbers are summed over time: impulses of contacts, one of all forces, and the loss.
+
+        Steps follow what is summed. The one of all forces, with weights, is there where impulses of contacts do not
+        tell all of them: several parts of a contact, friction moments, stops and dry friction.
+        """
+        contacts = 3 * len(self.mechanism.contacts)
+        return contacts + (len(self.names) > contacts) + 1
+
     def part_of(self, normal: int) -> int | None:
         """Return the part of a normal (index into `normals`); None for a side of a stop."""
         row = int(self.normals[normal])

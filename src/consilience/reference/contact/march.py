@@ -56,15 +56,15 @@ class QuietSteps:
         `sizes` are length, span, longest step, `Stepper.straight` and `Rims.least`.
         """
         system, layout, size = equations.system, equations.layout, explicit.K.shape[1]
-        gaps, m, contacts = len(system.rows.gap), len(system.rows.u), len(layout.mechanism.contacts)
-        packed = size - 3 * contacts - 1
+        gaps, m = len(system.rows.gap), len(system.rows.u)
+        packed = size - layout.sums
         self._equations, self.able, self.now = equations, False, np.zeros(1, MARCH)
         now = self.now[0]
         now["length"], now["span"], now["longest"], now["straight"], now["flat"] = sizes
         now["bodies"], now["packed"] = len(equations.model.mass), packed
         self._watched = np.zeros(len(layout.normals) + 2 * len(layout.friction), WATCHED)
         room = min(len(times), max(1, _ROOM // equations.width))
-        self._states, self._sums = np.zeros((room, 1 + packed + len(system.turns))), np.zeros((room, 3 * contacts + 1))
+        self._states, self._sums = np.zeros((room, 1 + packed + len(system.turns))), np.zeros((room, layout.sums))
         self._found = np.zeros((room, equations.width))
         buffers = np.zeros(m), np.zeros(_NODES * (1 + packed)), np.zeros(_NODES * (gaps + 2 * m))
         discs = layout.pairs[layout.pairs["kind"] == DISC]
@@ -117,7 +117,7 @@ class QuietSteps:
         return self._march(0, t, Y, turns)
 
     def sampled(self) -> tuple[SampledRows, Array]:
-        """Return the samples of the last march, and their impulses and losses in their units, shape (n, 3 n_c + 1)."""
+        """Return the samples of the last march, and what is summed over time (`Stepper.sample`)."""
         count = int(self.now["recorded"][0] - self.now["first"][0])
         rows = self._equations.sampled_rows(self._states[:count].copy(), self._found[:count].copy())
         return rows, self._sums[:count].copy()

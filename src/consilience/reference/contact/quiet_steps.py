@@ -96,7 +96,7 @@ class MarchArrays(NamedTuple):
     seen: Array  # gaps, rates and forces there
     times: Array  # (n_t,) s, of all samples
     states: Array  # (n_s, ...) times, packed states and turns of samples, n_s being the room for them
-    sums: Array  # (n_s, 3 n_c + 1) impulses and losses
+    sums: Array  # (n_s, n_sums) as `RowLayout.sums`
     found: Array  # (n_s, ...) what `derivative` writes of them
 
 

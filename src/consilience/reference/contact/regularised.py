@@ -92,7 +92,7 @@ class _Regularised:
         self._equations = ContactEquations(layout)
         y = pack(layout.smooth, state)
         self.shape, self.count = y.shape, y.size
-        self.start = np.concatenate([y.ravel(), np.zeros(3 * len(mechanism.contacts) + 1)])
+        self.start = np.concatenate([y.ravel(), np.zeros(layout.sums)])
         self._turns = np.zeros(len(self._equations.model.coordinate))
         self._equations.follow(y, self._turns)
         sides = [(part.body, part.partner) for part in layout.parts]

@@ -79,14 +79,14 @@ class Samples:
         self._spent: list[tuple[Array, ...]] = []  # states, turns, and losses with what springs of contacts store
 
     def record(self, modes: RowModes, rows: SampledRows, sums: Array) -> None:
-        """Record samples with impulses and losses in their units, shape (n, 3 n_c + 1)."""
+        """Record samples with what is summed over time (`Stepper.sample`), shape (n, `RowLayout.sums`)."""
         layout, count = self._layout, len(rows.times)
         contacts, parts = len(layout.mechanism.contacts), len(layout.parts)
         gaps = np.full((contacts, count), np.inf)
         np.minimum.at(gaps, self._owner, rows.gap[:, :parts].T)
         stored = 0.5 * rows.gap[:, list(layout.springs)] ** 2 @ (self._stiffness * modes.pressed)
         impulse, loss = self._units
-        impulses, losses = impulse * sums[:, :-1].reshape(count, -1, 3), loss * sums[:, -1] - stored
+        impulses, losses = impulse * sums[:, : 3 * contacts].reshape(count, -1, 3), loss * sums[:, -1] - stored
         shown = self._modes[None, :contacts].repeat(count, axis=0)
         self._found.append((rows.states, gaps.T, impulses, shown, losses))
         self._spent.append((rows.states, rows.turns, losses + stored))

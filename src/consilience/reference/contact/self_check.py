@@ -215,7 +215,7 @@ def _violations(
     weight = np.maximum(np.linalg.norm(load, axis=2), np.finfo(float).tiny)
     pushed = np.maximum(np.abs(free) / weight, weight * np.abs(force))
     fastest = np.maximum(np.max(pushed, axis=1, initial=0.0), HELD / BAR * pull)[:, None]
-    fastest[fastest == 0.0] = 1.0
+    fastest[fastest < np.sqrt(np.finfo(float).tiny)] = 1.0  # nothing acts
     heaviest = np.max(weight, axis=1, initial=1.0)[:, None]
     largest = np.maximum(np.max(np.abs(force), axis=1, initial=0.0)[:, None], fastest / heaviest)
     length, normals = max(1.0, equations.model.length), np.array(layout.normals, dtype=np.int64)

@@ -45,6 +45,7 @@ from consilience.reference.contact.self_check import EventsAtOnce, UncheckedSamp
 from consilience.reference.contact.slip_headings import STOPPED, SlipHeadings
 from consilience.reference.contact.speeds import fastest, speed_from_rest
 from consilience.reference.contact.stepper import Stepper
+from consilience.reference.contact.tables import ends_of_steps
 
 TOUCHING = 1e-10
 """Largest gap of a closed contact, over the length of the mechanism."""
@@ -95,10 +96,11 @@ class ContactSimulation:
         refuse_overlap(self.equations, start, TOUCHING * self.length, metre)
         self.equations.press(TOUCHING * self.length)
         self._settle(frozenset(), {}, frozenset(), first=True)
-        end = float(self.times[-1])
+        ends = ends_of_steps(self.layout.mechanism, self.stepper.t, float(self.times[-1]))
         try:
             self._record(self.stepper.t)
-            while self.stepper.t < end:
+            while self.stepper.t < ends[-1]:
+                end = float(ends[np.searchsorted(ends, self.stepper.t, side="right")])
                 self._march(end)
                 if self.stepper.t < end:
                     self._advance(end)

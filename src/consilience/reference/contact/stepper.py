@@ -97,15 +97,15 @@ class Stepper:
         y = pack(self._layout.smooth, state)
         self._shape, self._count = y.shape, y.size
         bodies, length = len(self._model.mass), self._model.length
-        contacts = len(self._layout.mechanism.contacts)
-        extra = y.size - 13 * bodies + 3 * contacts + 1
+        self._pushed = slice(y.size, y.size + 3 * len(self._layout.mechanism.contacts))
+        extra = y.size - 13 * bodies + self._layout.sums
         kind = np.concatenate([np.tile(_KINDS, bodies), np.full(extra, INTEGRAL)])
         self._absolute = tolerance * np.where(kind == DISTANCE, length, np.where(kind == SPEED, length, 1.0))
         self._motion = new_motion(kind, length, equations.kernel)
         self._arrays = record_of(explicit_arrays(DOP853, self._motion))
         self._explicit = BoundOperation(step, self._arrays)
         self._motion.run[0]["tolerance"] = tolerance
-        self._Y = np.concatenate([y.ravel(), np.zeros(3 * contacts + 1)])
+        self._Y = np.concatenate([y.ravel(), np.zeros(self._layout.sums)])
         self._bodies, self.t, self.started = bodies, t, t
         self._h, self.fresh = 0.0, True
         self.slow, self.drifts, self._chosen = 0.0, False, np.zeros(len(self._layout.names))
@@ -137,7 +137,7 @@ class Stepper:
     @property
     def impulse(self) -> Array:
         """Impulses of the contacts on their bodies since the start, shape (n_c, 3), N s."""
-        return self.equations.sums[0] * self._Y[self._count : -1].reshape(-1, 3)
+        return self.equations.sums[0] * self._Y[self._pushed].reshape(-1, 3)
 
     @property
     def loss(self) -> float:
@@ -162,7 +162,7 @@ class Stepper:
     def sample(self, times: Array) -> tuple[SampledRows, Array]:
         """Return samples at times (n,) within the last step, or at its end, with impulses and losses in their units.
 
-        They are projected as at the end of a step; impulses and losses have the shape (n, 3 n_c + 1).
+        They are projected as at the end of a step; what is summed over time has the shape (n, `RowLayout.sums`).
         """
         Y = self._Y[None].repeat(len(times), axis=0)
         if np.any(times < self.t):
@@ -195,7 +195,7 @@ class Stepper:
         """Continue from another packed state, and with what an impact adds to impulses and loss."""
         self._Y = self._Y.copy()
         self.y[:] = y
-        self._Y[self._count : -1] += impulse.ravel() / self.equations.sums[0]
+        self._Y[self._pushed] += impulse.ravel() / self.equations.sums[0]
         self._Y[-1] += loss / self.equations.sums[1]
         self._restart()
 
