@@ -264,12 +264,17 @@ def _contacts_at_start(mechanism: Mechanism, state: State) -> list[_Seen]:
 def _at_start(mechanism: Mechanism, state: State, rows: Sequence[TouchRow]) -> tuple[list[float], list[bool]]:
     """Normal forces at the start, and which of the gaps open there.
 
-    Where the state has no solution, as at an impact, all share the weight.
+    Where something starts to slide they are those without friction; at an impact all share the weight.
     """
-    try:
-        terms = Terms(build(mechanism, state))
-        a, _, parts = contact_accelerations(terms, state, terms.equations(state))
-    except (CannotRepresent, RuntimeError):
+    smooth = replace(mechanism, contacts=tuple(replace(c, friction=0.0) for c in mechanism.contacts))
+    for one in (mechanism, smooth):
+        try:
+            terms = Terms(build(one, state))
+            a, _, parts = contact_accelerations(terms, state, terms.equations(state))
+            break
+        except (CannotRepresent, RuntimeError):
+            pass
+    else:
         weight = sum(body.mass for body in mechanism.bodies) * float(np.linalg.norm(mechanism.gravity))
         return [weight / len(rows)] * len(rows), [False] * len(rows)
     least = _OPENS * max(1.0, float(np.max(np.abs(a))))
