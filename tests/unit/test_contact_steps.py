@@ -96,3 +96,18 @@ def test_feet_that_turn_about_one_axis_halt_together_though_one_moves_faster():
     assert halted == [row for one in simulation.layout.friction for row in one.rows]
     assert not np.any(slips[halted])
     assert simulation.stepper.state().w_WB_W == pytest.approx(0.0, abs=1e-20)
+
+
+def test_what_leaves_its_line_turns_to_its_slip_even_from_behind():
+    """Friction opposes the slip: a heading kept on its side would push what runs off by more than a right angle."""
+    case = next(c for c in load_cases("bowling") if c.name == "bowling-skid")
+    run = ContactSimulation(case.mechanism, case.initial_state, case.times, 1e-10)
+    run._settle(frozenset(), {}, frozenset(), first=True)
+    rows = run.equations.move(run.stepper.t, run.stepper.y, run.stepper.turns)
+    slip = rows.u[list(run.layout.friction[0].rows)]
+    size = np.linalg.norm(slip)
+    for leaving, side in ((set(), -1.0), ({0}, 1.0)):
+        run.stepper.turn((np.array([-0.6 * slip[0] + 0.8 * slip[1], -0.6 * slip[1] - 0.8 * slip[0]]) / size,))
+        run.slips.leaving = leaving
+        run.slips.turn(run.stepper, run.speed)
+        np.testing.assert_allclose(run.stepper.modes.heading[0], side * slip / size, atol=1e-12)
