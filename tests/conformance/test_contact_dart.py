@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from consilience.case import load_case
+from consilience.compare.instant import CONTACT
 from consilience.engine import CannotRepresent, Profile, Question, Route
 from consilience.errors import InvalidInput
 from consilience.mechanism import (
@@ -315,6 +316,18 @@ def test_a_box_that_friction_holds_on_a_slope_has_no_acceleration(size):
     answer = instant(mechanism, lab.state((0.0, 0.0, 0.2 * size), (0.0, 0.0, 0.0)))
     assert np.max(np.abs(answer.a_WB_W)) < 1e-8
     np.testing.assert_allclose(answer.contact_force[0, 0], size * np.array([9.0, 0.0, 18.0]), atol=1e-6)
+
+
+@pytest.mark.parametrize(("spread", "answers"), [(0.2, True), (0.3, False)])
+def test_an_error_of_a_third_of_the_bar_is_refused(monkeypatch, spread, answers):
+    """In a loop that slides on two contacts the error was 2.7 times what two extrapolations tell."""
+    found = contact_instant._Settled(np.zeros(6), np.zeros((1, 3)), spread * CONTACT.acceleration)
+    monkeypatch.setattr(contact_instant, "_by", lambda *_: found)
+    if answers:
+        assert contact_instant._settled(None, None, None, shared=False, unsure=False) is found
+        return
+    with pytest.raises(ArithmeticError, match="leave the accelerations open"):
+        contact_instant._settled(None, None, None, shared=False, unsure=False)
 
 
 def test_where_forces_are_open_the_solvers_of_friction_must_agree(monkeypatch):

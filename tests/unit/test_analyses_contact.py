@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from consilience.compare.instants import Instants
 from consilience.errors import InvalidInput
 from consilience.mechanism import (
     GROUND,
@@ -71,6 +72,14 @@ def test_analyses_refuse_by_name_what_acts_and_is_none_of_their_forces(name):
     ):
         with pytest.raises(InvalidInput, match=name):
             analysis()
+
+
+@pytest.mark.parametrize("name", ACTING)
+def test_instants_know_whether_anything_acts_at_one_of_their_states(name):
+    mechanism = slider(1.0, **ACTING[name])
+    away, near = at(mechanism, 0.1), at(mechanism, 0.2)
+    assert Instants.of(mechanism, [away, near]).touching
+    assert Instants.of(mechanism, [away]).touching == (name == "dry friction 'guide'")
 
 
 @pytest.mark.parametrize("name", list(ACTING)[:2])

@@ -325,6 +325,16 @@ QUANTITIES = {
 }
 
 
+@pytest.mark.parametrize(("name", "bar"), [("a_WB_W", 1e-6), ("torque_F", 1e-5)])
+@pytest.mark.parametrize("touching", [True, False])
+@pytest.mark.parametrize("route", [Route.NATIVE, Route.HARNESS_SOLVE])
+def test_forces_that_an_engine_finds_where_something_touches_have_bars_of_their_own(name, bar, touching, route):
+    wide, method = touching and route is Route.NATIVE, replace(PLAIN, route=route)
+    for factor, agrees in ((0.9, wide), (1.2, False)):
+        found = instant(shifted(name, factor * bar), replace(INSTANTS, touching=touching), method)
+        assert (found.verdict is Verdict.AGREES) == agrees
+
+
 def test_equal_answers_agree_to_all_digits():
     found = instant(ANSWER)
     assert (found.verdict, found.digits) == (Verdict.AGREES, 16.0)

@@ -57,7 +57,7 @@ FLOOR = 1e-2
 MANY = 10
 
 CONTACT = Bars(acceleration=1e-6, reaction=1e-5)
-"""Bars where a contact pushes and the engine finds its force by its own softness, overlap or step."""
+"""Bars where a contact, stop or dry friction acts and the engine finds its force by its solver, softness or step."""
 
 EXACT_ROUTES = (Route.REFERENCE, Route.HARNESS_SOLVE)
 """Routes whose forces of contacts are as exact as others."""
@@ -131,8 +131,7 @@ def compare_instant(
         Answers at the scales of `softness.SCALES`, or none.
     """
     bars = BARS.get(method.route, Bars())
-    pushed = reference.contact_force is not None and np.any(reference.contact_force)
-    if pushed and method.route not in EXACT_ROUTES:
+    if instants.touching and method.route not in EXACT_ROUTES:
         bars = CONTACT
     energies = {"kinetic": largest(reference.kinetic), "potential": largest(reference.potential)}
     most, terms = max(energies.values()), {"kinetic": instants.swings, "potential": instants.weights}

@@ -15,6 +15,7 @@ from consilience.mechanism import (
     Array,
     Mechanism,
     State,
+    acting,
     applied_wrenches,
     centres_of_mass,
     characteristic_length,
@@ -69,6 +70,8 @@ class Instants:
         Signs with which the forces of the contacts add up to the force between each pair of bodies.
     determined_pairs : ndarray of bool, shape (n_s, n_p, 3)
         Components of these forces that equilibrium determines.
+    touching : bool
+        Whether a contact is closed, a stop reached, or dry friction has a bound, at any of the states.
     answers : int
         Number of answers that rounding may put off by a bar: two where a formulation of the reference is compared with
         another, each of which is as far from the truth as its rounding allows.
@@ -87,6 +90,7 @@ class Instants:
     bodies: int
     contact_pairs: Array = field(default_factory=lambda: np.zeros((0, 0)))
     determined_pairs: NDArray[np.bool_] = field(default_factory=lambda: np.ones((0, 0, 3), dtype=bool))
+    touching: bool = False
     answers: int = 1
 
     @property
@@ -113,6 +117,7 @@ class Instants:
             len(mechanism.bodies),
             contact_pairs(mechanism.contacts),
             np.array([one.pairs for one in determined]),
+            any(any(acting(mechanism, s)) for s in states),
         )
 
     @property

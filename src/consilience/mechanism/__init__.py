@@ -5,6 +5,7 @@ is), `joints` and `joint_rows` (what a joint holds), `constraints` (the equation
 `elementary_tree` (the form for engines in minimal coordinates). Conventions are in docs/conventions.md.
 """
 
+from consilience.mechanism.acting import acting
 from consilience.mechanism.applied_forces import Wrenches, applied_wrenches, conservative_part
 from consilience.mechanism.assembly import Initial, assemble_positions, assemble_velocities, drawing_state, row_names
 from consilience.mechanism.bodies import Body, Frame, check_inertia, inertia_tensor
@@ -204,6 +205,7 @@ __all__ = [
     "Tree",
     "Units",
     "Wrenches",
+    "acting",
     "applied_wrenches",
     "assemble_positions",
     "assemble_velocities",

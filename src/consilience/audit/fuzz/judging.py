@@ -21,7 +21,6 @@ import numpy as np
 from consilience.audit.fuzz.workers import AnswerBatch
 from consilience.case import Case
 from consilience.compare import Comparison, Verdict, compare_instant, compare_model
-from consilience.compare.instant import CONTACT
 from consilience.compare.instants import BARS, Bars, Instants
 from consilience.compare.judge import REFERENCE
 from consilience.compare.other_methods import SOLVER_RULE, reconsidered
@@ -175,19 +174,8 @@ class _MechanismJudge:
     def _judged_by(self, engine: str, answer: MethodAnswer, found: Comparison, against: str) -> JudgedComparison:
         missed = next((q.name for q in found.quantities if not q.met), "")
         excess = max((q.difference / q.bar if q.bar else q.difference) for q in found.quantities)
-        verdict = Verdict.UNRESOLVED if self._is_solved_inexactly(found) else found.verdict
-        judged = self._judged(engine, answer, against, verdict, missed, found.why)
+        judged = self._judged(engine, answer, against, found.verdict, missed, found.why)
         return replace(judged, digits=found.digits, excess=float(excess))
-
-    def _is_solved_inexactly(self, found: Comparison) -> bool:
-        """Tell whether all that is missed are bars below those of forces that an engine's own contact solver finds.
-
-        Stops, dry friction and contacts with undetermined forces go through that solver as contacts that push do.
-        """
-        m = self.case.mechanism
-        touches = m.contacts or m.stops or m.dry_frictions
-        small = all(q.met or q.difference <= CONTACT.acceleration for q in found.quantities)
-        return found.verdict is Verdict.MODEL and found.question is Question.INSTANT and bool(touches) and small
 
     def model(self, engine: str, method: Method, found: ModelAnswer, expected: ModelAnswer) -> Comparison:
         """Compare mass properties and degrees of freedom."""

@@ -2,19 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from consilience.errors import InvalidInput
-from consilience.mechanism import (
-    TOUCHING,
-    Mechanism,
-    State,
-    Stop,
-    characteristic_length,
-    contact_gap,
-    joint_spring_motion,
-)
+from consilience.mechanism import Mechanism, State, acting
 
 
 def refuse_touching(mechanism: Mechanism, state: State, values: Mapping[str, Mapping[str, Any]] | None = None) -> None:
@@ -31,32 +23,6 @@ def refuse_touching(mechanism: Mechanism, state: State, values: Mapping[str, Map
     ------
     InvalidInput
     """
-    for name, what in _acting(mechanism, state, values):
+    for name, what in acting(mechanism, state, values):
         remedy = "Give a state that nothing touches, or simulate_with_contacts, which has these forces."
         raise InvalidInput(name, f"{what}, and the equations of this analysis have no force of it", remedy)
-
-
-def _acting(
-    mechanism: Mechanism, state: State, values: Mapping[str, Mapping[str, Any]] | None
-) -> Iterator[tuple[str, str]]:
-    """Yield what can act at a state, each with the reason."""
-    slack = TOUCHING * characteristic_length(mechanism)
-    for contact in mechanism.contacts:
-        gap = contact_gap(mechanism, state, contact)
-        if gap <= slack:
-            yield f"contact '{contact.name}'", f"it touches: its gap is {gap:.3g} m"
-    for stop in mechanism.stops:
-        if values is None:
-            q, _ = joint_spring_motion(mechanism, state, stop.joint, stop.coordinate)
-        else:
-            q = float(values[stop.joint][stop.coordinate])
-        if _room(stop, q) <= (slack if stop.coordinate == "distance" else TOUCHING):
-            yield f"stop '{stop.name}'", f"it is reached: {stop.coordinate} of '{stop.joint}' is {q:.6g}"
-    for dry in mechanism.dry_frictions:
-        if dry.bound or dry.coefficient:
-            yield f"dry friction '{dry.name}'", "it can hold"
-
-
-def _room(stop: Stop, q: float) -> float:
-    """Return how far a coordinate is within the limits of a stop, negative beyond them."""
-    return min(beyond * (limit - q) for limit, beyond in ((stop.lower, -1.0), (stop.upper, 1.0)) if limit is not None)
