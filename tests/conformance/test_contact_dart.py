@@ -389,8 +389,8 @@ def test_an_open_contact_does_not_soften_a_loop():
 @pytest.mark.parametrize(
     ("spreads", "chosen"),
     [
-        *(((5e-8, 0.0), 0), ((5e-7, 3e-7), 1), ((5e-7, 2e-3), 0), ((None, 3e-7), 1), ((2e-6, 3e-6), None)),
-        *(((2e-6, 3e-6, 5e-8), 2), ((2e-6, 3e-6, 2e-6, None, None, 8e-7), 5)),
+        *(((5e-8, 0.0), 0), ((2e-7, 1.5e-7), 1), ((2e-7, 2e-3), 0), ((None, 2e-7), 1), ((5e-7, 3e-6), None)),
+        *(((2e-6, 3e-6, 5e-8), 2), ((2e-6, 3e-6, 2e-6, None, None, 2e-7), 5)),
     ],
 )
 def test_the_solver_of_friction_and_the_step_that_settle_answer(spreads, chosen, monkeypatch):
