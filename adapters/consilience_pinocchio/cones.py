@@ -215,8 +215,9 @@ class ConeSolver:
             self.iterations += int(result.iterations)
             f = unit * np.array(result.retrieveConstraintImpulses())
             across = unit * result.complementarity
-            if not (np.isfinite(across) or any(isinstance(one, Anchor) for one in sets)):
-                # infinite for a force without bound whose acceleration is negative, if only by rounding
+            if unit == scale and not (np.isfinite(across) or any(isinstance(one, Anchor) for one in sets)):
+                # infinite for a force without bound whose acceleration is negative, if only by rounding; in units of
+                # the data it mostly is finite
                 across = _complementarity(f, G @ f + y, sets)
             worst = max(unit * result.primal_feasibility, unit * result.dual_feasibility, across)
             if met or worst <= (self.enough if most == FEW_ITERATIONS else ACCEPTED) * scale:
