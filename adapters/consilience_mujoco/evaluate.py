@@ -83,7 +83,6 @@ def check_solved(translation: Translation) -> None:
     residual = np.max(np.abs(inertial - data.qfrc_smooth - constraint), initial=0.0)
     at_rest = max(np.max(np.abs(f), initial=0.0) for f in (inertial, data.qfrc_smooth))
     if at_rest <= _ROUNDING * np.max(data.efc_frictionloss, initial=0.0):
-        data.efc_force[:] = 0.0
         return
     if residual > _SOLVED * scale:
         raise EngineWarningError(f"the constraint solver stopped at a relative residual of {residual / scale:.1e}")

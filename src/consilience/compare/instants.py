@@ -173,10 +173,15 @@ def _swings(mechanism: Mechanism, state: State, masses: Array) -> float:
 
 
 def _driven(mechanism: Mechanism, state: State) -> float:
-    """Return the largest acceleration of a body by its applied forces alone, or of a coordinate by a drive, m/s^2."""
+    """Return the largest acceleration of a body by what is applied alone, or of a coordinate by a drive, m/s^2.
+
+    Bounds of dry friction count as applied to the lightest body.
+    """
     length = characteristic_length(mechanism)
     forces, torques = applied_wrenches(mechanism, state).magnitude.T
-    alone = (forces + torques / length) / [b.mass for b in mechanism.bodies]
+    masses = [b.mass for b in mechanism.bodies]
+    bounds = [(d.bound or 0.0) / (1.0 if d.coordinate == "distance" else length) for d in mechanism.dry_frictions]
+    alone = np.append((forces + torques / length) / masses, np.array(bounds) / min(masses))
     drives = [abs(d.motion.at(0.0)[2]) * (1.0 if d.coordinate == "distance" else length) for d in mechanism.drives]
     return float(np.max([*alone, *drives]))
 
