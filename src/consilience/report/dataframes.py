@@ -15,6 +15,8 @@ import numpy as np
 from consilience.engine import TrajectoryAnswer
 from consilience.errors import InvalidInput
 from consilience.mechanism import Array, Mechanism
+from consilience.report.contact_values import LOSS, contact_values, event_values, loss_over_time
+from consilience.report.contact_values import QUANTITIES as OF_CONTACTS
 
 if TYPE_CHECKING:
     import pandas
@@ -123,8 +125,8 @@ def to_xarray(mechanism: Mechanism, answer: TrajectoryAnswer) -> xarray.Dataset:
     Returns
     -------
     xarray.Dataset
-        Dimensions ``time``, ``body``, ``axis`` (x, y, z) and ``parameter`` (e0 to e3); each variable has ``units`` and
-        ``long_name``.
+        Dimensions ``time``, ``body``, ``axis`` (x, y, z) and ``parameter`` (e0 to e3), with contacts ``contact``, with
+        events ``event``; each variable has ``units`` and ``long_name``.
 
     Raises
     ------
@@ -135,7 +137,21 @@ def to_xarray(mechanism: Mechanism, answer: TrajectoryAnswer) -> xarray.Dataset:
     arrays = {name: getattr(answer, name) for name in QUANTITIES}
     found = _dataset(xr, answer.time, [b.name for b in mechanism.bodies], arrays)
     about = {"title": f"motion of {mechanism.name}", "frame": "W: world, right-handed", "conventions": "SI, radians"}
-    return found.assign_attrs(about | dict(answer.counters))
+    return _with_contacts(found, mechanism, answer).assign_attrs(about | dict(answer.counters))
+
+
+def _with_contacts(found: Any, mechanism: Mechanism, answer: TrajectoryAnswer) -> Any:
+    """Return a dataset with what a motion tells of contacts, stops and dry friction."""
+    own = contact_values(answer)
+    for name, array in own.items():
+        parts, unit, label = OF_CONTACTS[name]
+        about = {"long_name": label} | ({"units": unit} if unit else {})
+        found[name] = (("time", "contact", *(["axis"] if parts else [])), array, about)
+    for name, array in loss_over_time(answer).items():
+        found[name] = ("time", array, {"units": LOSS[1], "long_name": LOSS[2]})
+    for name, array in event_values(mechanism, answer).items():
+        found[name] = ("event", array, {"units": TIME[0]} if name == "event_time" else {})
+    return found.assign_coords(contact=[c.name for c in mechanism.contacts]) if own else found
 
 
 def many_to_xarray(
