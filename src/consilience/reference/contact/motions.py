@@ -22,12 +22,12 @@ from consilience.mechanism import (
     require_states,
     telling_si,
 )
-from consilience.reference.bodies.arrays import flatten, pack
+from consilience.reference.bodies.arrays import pack
 from consilience.reference.bodies.canonical import sample_times
 from consilience.reference.bodies.consistency import check_given
 from consilience.reference.contact.energy_balance import refuse_lost_energy
 from consilience.reference.contact.impact import Impact
-from consilience.reference.contact.layout import smooth_mechanism
+from consilience.reference.contact.layout import layout_of
 from consilience.reference.contact.samples import ContactEvent
 from consilience.reference.contact.simulation import ContactSimulation
 
@@ -89,8 +89,8 @@ def _integrate(
 ) -> tuple[ContactSimulation, TrajectoryAnswer, Units]:
     """Integrate in the mechanism's own units; return the simulation, the motion in SI units, and what leads back."""
     require_states(mechanism, (state,))
-    smooth = smooth_mechanism(mechanism)
-    check_given(smooth, flatten(smooth), times, pack(smooth, state))
+    layout = layout_of(mechanism)
+    check_given(layout.smooth, layout.model, times, pack(layout.smooth, state))
     refuse_flat_discs(mechanism, state)
     units = motion_units(mechanism, times)
     own, start, grid = kept_in_units(mechanism, units), units.convert(state), units.time * times
