@@ -65,7 +65,10 @@ FINE = 1e-12
 SETTLED, UNSETTLED = 1e-7, 2.5e-7
 """Error of an acceleration, over the largest one or 1 m/s^2, below which the other solver is not asked, and above which
 there is no answer: by two extrapolations, by what force mixing makes of forces that still change, or by gaps that open
-or close in spite of a force. In a loop the first is a third of the error; the bar is four times the second."""
+or close in spite of a force. The bar is four times the second."""
+
+UNDERSTATED = 3.0
+"""Largest error over what two extrapolations tell, as in a loop."""
 
 STEPS, SHARED_STEPS = 2, 3
 """Steps of which the last counts; three where contacts share a load: their forces still change in the second."""
@@ -243,11 +246,13 @@ def _settled(fresh: Callable[[], Stepper], c: Coordinates, state: State, shared:
 
 
 def _compared(answers: list[_Settled]) -> list[_Settled]:
-    """Return answers with spreads of their largest difference at least."""
+    """Return answers with spreads of their largest difference at least, unless `UNDERSTATED` spreads explain it."""
     if not answers:
         return []
     a = np.array([one.a for one in answers])
     apart = float(np.max(np.ptp(a, axis=0)) / max(1.0, np.max(np.abs(a))))
+    if apart <= UNDERSTATED * sum(one.spread for one in answers):
+        return answers
     return [one._replace(spread=max(one.spread, apart)) for one in answers]
 
 
