@@ -294,11 +294,12 @@ class ContactSimulation:
 
         What moves as one stops as one: what is nearly at rest, and what is without those.
         """
-        stepper, u, still = self.stepper, self.equations.rows.u, STOPPED * self.speed
+        stepper, still = self.stepper, STOPPED * self.speed
         sets = [list(one.rows) for one in self.layout.friction]
         at_rest = {j for j, at in enumerate(sets) if j in stopped or float(np.linalg.norm(sliding[at])) <= still}
         stepper.halt([row for j in at_rest for row in sets[j]])
         response = stepper.respond(stepper.t, stepper.y)
+        u = self.equations.rows.u  # without them
         at_rest |= {j for j, at in enumerate(sets) if float(np.linalg.norm(u[at])) <= STILL * self._speeds()}
         halted = [row for j in sorted(at_rest) for row in sets[j]]
         sliding[halted] = 0.0
