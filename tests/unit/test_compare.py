@@ -325,14 +325,18 @@ QUANTITIES = {
 }
 
 
-@pytest.mark.parametrize(("name", "bar"), [("a_WB_W", 1e-6), ("torque_F", 1e-5)])
+@pytest.mark.parametrize(("name", "most"), [("a_WB_W", 1e-6), ("torque_F", 1e-5)])
 @pytest.mark.parametrize("touching", [True, False])
 @pytest.mark.parametrize("route", [Route.NATIVE, Route.HARNESS_SOLVE])
-def test_forces_that_an_engine_finds_where_something_touches_have_bars_of_their_own(name, bar, touching, route):
-    wide, method = touching and route is Route.NATIVE, replace(PLAIN, route=route)
-    for factor, agrees in ((0.9, wide), (1.2, False)):
-        found = instant(shifted(name, factor * bar), replace(INSTANTS, touching=touching), method)
-        assert (found.verdict is Verdict.AGREES) == agrees
+def test_where_something_touches_an_engine_s_solver_may_be_off_but_does_not_pass(name, most, touching, route):
+    """Bars are those of smooth mechanisms; what is missed by no more than bars of pushing contacts blames no model."""
+    own, method = touching and route is Route.NATIVE, replace(PLAIN, route=route)
+    for by, unresolved in ((0.9 * most, own), (1.2 * most, False)):
+        found = instant(shifted(name, by), replace(INSTANTS, touching=touching), method)
+        assert found.verdict is (Verdict.UNRESOLVED if unresolved else Verdict.MODEL)
+        assert found.rule == ("contact solver" if unresolved else "")
+    found = instant(shifted("kinetic", 1e-9), replace(INSTANTS, touching=touching), method)
+    assert found.verdict is Verdict.MODEL
 
 
 def test_equal_answers_agree_to_all_digits():

@@ -295,11 +295,13 @@ CONVERGENCE = frozenset({"no ladder", "converged elsewhere", "impacts elsewhere"
 """Rules that blame the model because neither steps nor softness explain a difference."""
 
 INSTANT_RULES: dict[str, str] = {
+    "contact solver": "a contact, stop or dry friction acts, and what is missed is within the bars of contacts "
+    "that push",
     "solver": "the engine's own terms agree; its solver misses the bar by two digits or the condition's, "
     "an extrapolation by four",
     "tuning": "a wide bar passes a tuned method that is ten times worse than the engine's own settings",
 }
-"""Condition in words of the rules by which an instant is unresolved (`other_methods`)."""
+"""Condition in words of the rules by which an instant is unresolved (`instant`, `other_methods`)."""
 
 
 def rate_text(step: float, rate: float) -> str:

@@ -202,6 +202,7 @@ CAUSES: dict[str, str] = {
     "not asymptotic": "The steps are too large to tell a cause.",
     "wide band": "The steps are too large to tell a cause: as much could come from them as from another model.",
     "elsewhere": "Smaller steps lead to another motion.",
+    "contact solver": "What is missed is less than the engine's solver of contacts, stops and dry friction may lose.",
     "solver": "The engine's own equations are right, and their solution is less exact than their condition allows.",
     "tuning": "The equations are so ill-conditioned that the bar is wide, and the engine's own settings are nearer.",
 }

@@ -72,9 +72,8 @@ def ask_plans(worker: Worker, cases: Sequence[Case]) -> list[dict[str, Any]]:
             return [{"version": None, "problem": f"does not start: {reply.reason}"} for _ in cases]
         version, found = reply.value.version, []
         for case in cases:
-            planned = worker.ask(
-                Request(case.mechanism, states=[case.initial_state])
-            )  # as a run asks: units, and laws in them
+            # with the start, as a run asks: units, and laws in them, depend on it
+            planned = worker.ask(Request(case.mechanism, states=[case.initial_state]))
             if isinstance(planned.value, Plan):
                 found.append({"version": version, **_plan(planned.value, case)})
             else:

@@ -14,10 +14,8 @@ def refuse_touching(mechanism: Mechanism, state: State, values: Mapping[str, Map
 
     Parameters
     ----------
-    mechanism : Mechanism
-    state : State
-    values : mapping of joint to mapping of coordinate to value, optional
-        Joint coordinates with their full turns; default: angles are within half a turn of zero.
+    mechanism, state, values
+        As in `acting`.
 
     Raises
     ------
