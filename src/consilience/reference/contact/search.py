@@ -29,6 +29,9 @@ _SAME = 1e-8
 
 _EXCHANGES, _HALVINGS = 40, 8
 
+_PARALLEL = 1.0 - 1e-12
+"""Cosine of headings that are the same: from headings that are merely close, exchanges can lead elsewhere."""
+
 SHARE = "how the contacts share their load is open, and with it the friction of those that slide"
 
 _SIDES = 6
@@ -96,14 +99,14 @@ class ModeSearch:
 
     def _elsewhere(self, found: ModeSolution) -> Iterator[ModeSolution]:
         """Yield the solutions reached from all held, from all open, and by Lemke's method from several sides."""
-        count, tried = len(self.problem.normals) + len(self.undecided), [found.modes]
+        count, tried, passed = len(self.problem.normals) + len(self.undecided), [found.modes], [found.modes]
         coverings = np.random.default_rng(0).uniform(0.05, 1.0, size=(_SIDES, count))
         opened = Modes(np.zeros(len(self.problem.normals), dtype=bool), self.natural.friction)
         guesses = map(self.pyramids.guess, coverings)
         for modes in (self.natural, opened, *guesses):
             if modes is not None and not any(alike(modes, one) for one in tried):
                 tried.append(modes)
-                solved = self.exchanged(modes)
+                solved = self.exchanged(modes, passed)
                 if solved is not None:
                     yield solved
 
@@ -208,10 +211,17 @@ class ModeSearch:
                 weight = float(self.problem.row_scale()[rows].sum()) / len(rows)
                 yield float(fixed @ solved.acceleration[rows]) / weight, j
 
-    def exchanged(self, modes: Modes) -> ModeSolution | None:
-        """Exchange violated modes until none is left; None if a combination recurs."""
+    def exchanged(self, modes: Modes, passed: list[Modes] | None = None) -> ModeSolution | None:
+        """Exchange violated modes until none is left; None if a combination recurs.
+
+        None too where the modes become those of `passed`, which is added to: exchanges lead from there to the same end.
+        """
         seen: set[tuple[object, ...]] = set()
         for _ in range(_EXCHANGES):
+            if passed is not None:
+                if any(alike(modes, one, _PARALLEL) for one in passed):
+                    return None
+                passed.append(modes)
             solved = Headings(self.problem, modes).solved()
             checked = self._checked(solved)
             if checked is not None:
@@ -331,9 +341,9 @@ class ModeSearch:
         return bool(np.linalg.matrix_rank(compliance, RANK, hermitian=True) < len(normals))
 
 
-def alike(one: Modes, other: Modes) -> bool:
-    """Return whether two sets of modes agree in what is closed, what slides and, roughly, where to."""
+def alike(one: Modes, other: Modes, least: float = 0.9) -> bool:
+    """Return whether two sets of modes agree in what is closed, what slides and, to a least cosine, where to."""
     return bool(np.array_equal(one.closed, other.closed)) and all(
-        a.name == b.name and float(a.drag @ b.drag) >= 0.9 * float(np.linalg.norm(a.drag) * np.linalg.norm(b.drag))
+        a.name == b.name and float(a.drag @ b.drag) >= least * float(np.linalg.norm(a.drag) * np.linalg.norm(b.drag))
         for a, b in zip(one.friction, other.friction, strict=True)
     )
