@@ -33,6 +33,7 @@ CHECKS = (
     checks.drill_down,
     checks.plots,
     checks.replay,
+    checks.planes,
     checks.copying,
     checks.printing,
     checks.keyboard,

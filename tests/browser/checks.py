@@ -146,6 +146,36 @@ def replay(opened, view, told):
         yield "there is no replay"
 
 
+PLANE = """() => {
+  const texts = [...document.scripts].map((script) => script.textContent);
+  const text = texts.find((one) => one.includes('function planes('));
+  const source = text.slice(text.indexOf('function planes('), text.indexOf('// arrows and gaps'));
+  const lineOf = (points) => new THREE.BufferGeometry().setFromPoints(points), Z = () => new THREE.Vector3(0, 0, 1);
+  const planes = new Function('lineOf', 'Z', `${source}; return planes;`)(lineOf, Z), drawn = new THREE.Group();
+  const points = [[2, 0, 0], [0, 1, 0], [-1, 1, 1], [1, 0, 1]];
+  const box = { middle: new THREE.Vector3(3, -1, 4), size: 2 };
+  planes({ lines: [{ kind: 'plane', body: -1, points }] }, box, { quiet: 0 }, () => drawn);
+  return drawn.children[0].position.toArray();
+}"""
+"""Middle of the plane x + 2 y + z = 2 as it is drawn where a motion has its middle at (3, -1, 4)."""
+
+
+def planes(opened, view, told):
+    """A plane that is fixed is drawn at its own place, below the middle of the motion: there its normal pierces it."""
+    opened.go()
+    page = opened.page
+    for case in view.cases:
+        opened.turn(f"#{case.anchor}", f"#page h2:has-text({case.name!r})")
+        if page.locator("#page .replay").count():
+            break
+    page.locator("#page .replay").scroll_into_view_if_needed()
+    page.wait_for_selector("#page .replay canvas")
+    found = page.evaluate(PLANE)
+    told(f"middle of the plane {found}")
+    if max(abs(a - b) for a, b in zip(found, (2.5, -2.0, 3.5), strict=True)) > 1e-12:  # (3, -1, 4) - (1, 2, 1) 3 / 6
+        yield f"the plane is drawn at {found}"
+
+
 def slide(page, name, value):
     """Move a slider as a user does."""
     page.evaluate(

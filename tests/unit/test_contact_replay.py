@@ -180,6 +180,15 @@ def test_strips_are_proportional_to_time_and_say_the_same_in_words():
     assert [place for place, _ in chart.ticks] == pytest.approx([100.0 * k / 4.8 for k in range(5)])
 
 
+def test_what_is_apart_throughout_on_all_engines_is_named_without_strips():
+    far, near = ({"name": name, "pieces": [[0.0, 2.4, "separated"]], "impacts": []} for name in ("far", "near"))
+    touches = near | {"pieces": [[0.0, 1.2, "separated"], [1.2, 2.4, "sliding"]]}
+    chart = phase_chart({"reference": [far, near], "e": [far, touches]}, ["e"])
+    assert [(name, len(strips)) for name, strips in chart.groups] == [("near", 2)]
+    assert chart.apart == ("far",)
+    assert phase_chart({"reference": [near | {"impacts": [0.5]}]}, []).apart == ()
+
+
 @pytest.fixture
 def moving():
     """A case with the contact, its runs by the reference and two engines, of which one tells no modes."""

@@ -28,10 +28,14 @@ class Strip:
 
 @dataclass(frozen=True)
 class PhaseChart:
-    """Strips by contact, stop or dry friction; ticks of the common axis of time, by place in per cent and label."""
+    """Strips by contact, stop or dry friction; ticks of the common axis of time, by place in per cent and label.
+
+    What is apart throughout on all engines has no strips, but is named.
+    """
 
     groups: tuple[tuple[str, tuple[Strip, ...]], ...]
     ticks: tuple[tuple[float, str], ...]
+    apart: tuple[str, ...]
 
 
 def phase_chart(
@@ -54,12 +58,21 @@ def phase_chart(
         return None
     start = min(one["pieces"][0][0] for _, one in found)
     end = max(one["pieces"][-1][1] for _, one in found)
+    acting = {one["name"] for _, one in found if _acts(one)}
     groups = {name: [_strip(e, o, start, end) for e, o in found if o["name"] == name] for name in _names(found)}
-    return PhaseChart(tuple((name, tuple(strips)) for name, strips in groups.items()), tuple(_ticks(start, end)))
+    return PhaseChart(
+        tuple((name, tuple(strips)) for name, strips in groups.items() if name in acting),
+        tuple(_ticks(start, end)),
+        tuple(name for name in groups if name not in acting),
+    )
 
 
 def _names(found: Sequence[tuple[str, dict[str, Any]]]) -> list[str]:
     return list(dict.fromkeys(one["name"] for _, one in found))
+
+
+def _acts(one: dict[str, Any]) -> bool:
+    return bool(one["impacts"]) or any(mode != "separated" for _, _, mode in one["pieces"])
 
 
 def _strip(engine: str, one: dict[str, Any], start: float, end: float) -> Strip:
