@@ -148,3 +148,52 @@ def test_slip_that_turns_during_an_impact(kappa):
     found = solve_impulse(problem, np.zeros(1), "poisson")
     np.testing.assert_allclose(found.impulse, [N, *T], rtol=1e-11)
     np.testing.assert_allclose(found.velocity, [0.0, *after], atol=1e-11)
+
+
+def rod_on_two_walls(mu):
+    """Delassus matrix (n, t of the floor; n, t of the wall) of a body whose two tips touch a floor and a wall."""
+    tips = np.array([[0.41, 0.38], [-0.03, 0.28]])  # x, z from the centre of mass
+    rows = [[(0.0, 1.0), (1.0, 0.0)][k] for k in (0, 1, 1, 0)]
+    rates = np.array([[*row, row[0] * z - row[1] * x] for row, (x, z) in zip(rows, tips[[0, 0, 1, 1]], strict=True)])
+    sets = tuple(FrictionSet("c", (2 * k + 1,), mu, mu, 2 * k) for k in (0, 1))
+    return rates @ np.diag([1.0, 1.0, 1.0 / 0.15]) @ rates.T, rates, sets
+
+
+def test_contacts_that_act_on_one_another_slide_through_both_phases_of_poissons_law():
+    # what slides in one sense throughout has N of compression by u_n = 0, and 1 + e times that in all
+    G, rates, sets = rod_on_two_walls(0.1)
+    before, e = rates @ np.array([-0.1, -2.3, -2.8]), np.array([0.7, 0.3])
+    slide = np.array([[1.0, -0.1 * np.sign(before[1]), 0.0, 0.0], [0.0, 0.0, 1.0, -0.1 * np.sign(before[3])]]).T
+    N = np.linalg.solve((G @ slide)[[0, 2]], -before[[0, 2]])
+    p = slide @ ((1.0 + e) * N)
+    for passed in (before + G @ slide @ N, before + G @ p):
+        assert np.min(N) > 0.0
+        assert np.all(passed[[1, 3]] * before[[1, 3]] > 0.0)
+        assert np.min(passed[[0, 2]]) > -1e-12
+    found = solve_impulse(ContactProblem(G, before, ("c",) * 4, (0, 2), sets), e, "poisson")
+    assert found.unique is not False
+    np.testing.assert_allclose(found.impulse, p, atol=1e-13)
+
+
+def test_compression_that_friction_leaves_open_leaves_the_rebound_open():
+    # both tips stick in compression: three equations for four impulses, and restitution returns a share of two of them
+    G, rates, sets = rod_on_two_walls(0.9)
+    before = rates @ np.array([-1.0, -1.2, 0.3])
+    problem = ContactProblem(G, before, ("c",) * 4, (0, 2), sets)
+    np.testing.assert_allclose(solve_impulse(problem, np.zeros(2), "poisson").velocity, 0.0, atol=1e-12)
+    assert solve_impulse(problem, np.array([0.7, 0.3]), "poisson").unique is False
+    smooth = solve_impulse(replace(problem, friction=()), np.array([0.7, 0.3]), "poisson")
+    assert smooth.unique is not False
+
+
+@pytest.mark.parametrize("laws", [("newton", "poisson"), ("moreau", "newton"), ("poisson", "moreau")])
+def test_contacts_that_do_not_act_on_one_another_keep_their_laws_at_one_instant(laws):
+    G = np.array([[2.3, 1.1, 0.3], [1.1, 3.0, 0.0], [0.3, 0.0, 1.0]])
+    before, e = np.array([-1.0, 0.2, 0.4]), np.array([0.6])
+    one = FrictionSet("c", (1, 2), 0.3, 0.3, 0)
+    alone = [solve_impulse(ContactProblem(G, before, ("c",) * 3, (0,), (one,)), e, law).impulse for law in laws]
+    assert np.max(np.abs(alone[0] - alone[1])) > 1e-3
+    both = ContactProblem(
+        *(np.kron(np.eye(2), G), np.tile(before, 2), ("c",) * 6, (0, 3)), (one, FrictionSet("d", (4, 5), 0.3, 0.3, 3))
+    )
+    np.testing.assert_allclose(solve_impulse(both, np.tile(e, 2), laws).impulse, np.concatenate(alone), atol=1e-14)

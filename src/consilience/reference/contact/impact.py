@@ -267,15 +267,15 @@ def apply_impact(
     at_rest : float
         Rates below this count as zero.
     law : str
-        Of impacts in which no contact asks for Moreau's or Poisson's: newton or moreau (`impulse`).
+        Of contacts that do not ask for Moreau's or Poisson's, and of stops: newton or moreau (`impulse`).
     """
     layout, u = equations.layout, equations.rows.u
     normals = np.flatnonzero(taking)
     problem, at, _ = equations.problem(response, taking, u)
     parts = [layout.part_of(int(k)) for k in normals]
-    asked = {layout.parts[k].impact_law for k in parts if k is not None}
-    law = next((one for one in ("poisson", "moreau") if one in asked), law)
-    found = solve_impulse(replace(problem, free=u[at]), restitution[normals], law, at_rest, stepper.t)
+    asked = ["newton" if k is None else layout.parts[k].impact_law for k in parts]
+    laws = [law if own == "newton" else own for own in asked]
+    found = solve_impulse(replace(problem, free=u[at]), restitution[normals], laws, at_rest, stepper.t)
     if found.unique is False:
         raise NumericalFailure(
             f"impact at t = {stepper.t:.12g} s: the laws of contact and friction allow several accelerations, here "
@@ -290,7 +290,7 @@ def apply_impact(
     impact = AppliedImpact(
         *(stepper.t, normals, found.modes, force, lam, before, after, *rates, equations.rows.frame.copy(), *energies)
     )
-    if law == "newton" and not any(one.associated for one in problem.friction):
+    if set(laws) <= {"newton"} and not any(one.associated for one in problem.friction):
         _check_energy(impact, layout)
     return impact
 

@@ -1,6 +1,6 @@
 """Impulses of contacts that close at one instant, by the laws of Newton, Moreau and Poisson.
 
-``u+ = u- + G p`` with the Delassus matrix G, all contacts together:
+``u+ = u- + G p`` with the Delassus matrix G, all contacts that act on one another together:
 
 - Newton: ``u_n+ = -e u_n-``, with friction by the modes of `consilience.reference.contact.modes`, which never gains
   energy. That table is of circles; other friction sets (pyramids, boxes, moments) follow Moreau's law.
@@ -15,7 +15,7 @@ Friction with a constant bound has no impulse.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -23,7 +23,7 @@ import numpy as np
 
 from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Array
-from consilience.reference.contact.decision import decide
+from consilience.reference.contact.decision import ModeDecision, decide
 from consilience.reference.contact.groups import groups
 from consilience.reference.contact.modes import RANK, ClosedContacts, solve_modes
 from consilience.reference.contact.problem import ContactProblem, FrictionSet
@@ -31,7 +31,11 @@ from consilience.reference.contact.projections import PATIENT_SWEEPS, friction_t
 from consilience.reference.contact.routh import poisson_path
 from consilience.reference.contact.search import JammedFriction
 
-LAWS = ("newton", "moreau", "poisson")
+LAWS = ("poisson", "moreau", "newton")
+"""Of contacts that act on one another and state several the first."""
+
+_OPEN = 1e-9
+"""Velocities that open impulses change by less, relative to the scales of G, are determined."""
 
 JAMMED = "friction jams (Painleve) under the rebound that restitution asks for; without rebound it does not"
 
@@ -57,7 +61,7 @@ class ImpulseSolution:
 
 
 def solve_impulse(
-    problem: ContactProblem, restitution: Array, law: str, at_rest: float = 0.0, time: float = 0.0
+    problem: ContactProblem, restitution: Array, law: str | Sequence[str], at_rest: float = 0.0, time: float = 0.0
 ) -> ImpulseSolution:
     """Solve for the impulses of all contacts and stops of a problem.
 
@@ -67,7 +71,7 @@ def solve_impulse(
         `free` holds the velocities before; `sliding` is not read.
     restitution : ndarray, shape (n,)
         e of each normal row.
-    law : str
+    law : str, or one for each normal row
         One of `LAWS`.
     at_rest : float, m/s
         Smaller velocities before count as zero.
@@ -79,24 +83,42 @@ def solve_impulse(
     NumericalFailure
         No impulses satisfy the law.
     """
-    if not problem.normals:
-        return ImpulseSolution(np.zeros(len(problem.free)), problem.free, (), True)
+    laws = np.broadcast_to(np.array(law), len(problem.normals)).tolist()
+    for one in set(laws) - set(LAWS):
+        raise InvalidInput("law", f"it is {one}", f"One of {', '.join(LAWS)}.")
     approach = problem.free.copy()
     normals = list(problem.normals)
     approach[normals] = np.where(np.abs(approach[normals]) <= at_rest, 0.0, approach[normals])
-    problem = replace(problem, free=approach)
     sets = tuple(f for f in problem.friction if f.load is not None)
     sets = tuple(replace(f, static=f.kinetic, offset=0.0) for f in sets)
-    problem = replace(problem, friction=sets, sliding=None)
-    if any(one.associated for one in sets):
+    problem = replace(problem, free=approach, friction=sets, sliding=None)
+    impulse, modes, judged = np.zeros(len(approach)), [""] * len(normals), {True}
+    for group in groups(problem):
+        if group.normals:
+            own = {laws[i] for i in group.normals}
+            first = next(one for one in LAWS if one in own)
+            found = _solve(group.problem, restitution[group.normals], first, at_rest, time)
+            impulse[group.rows] = found.impulse
+            judged.add(found.unique)
+            for i, mode in zip(group.normals, found.modes, strict=True):
+                modes[i] = mode
+    return ImpulseSolution(impulse, problem.acceleration(impulse), tuple(modes), _all_unique(judged))
+
+
+def _all_unique(judged: set[bool | None]) -> bool | None:
+    """Return whether all are unique; none if that was not examined of one, and no other has several."""
+    return False if False in judged else None if None in judged else True
+
+
+def _solve(problem: ContactProblem, restitution: Array, law: str, at_rest: float, time: float) -> ImpulseSolution:
+    """Solve one group by one law."""
+    if any(one.associated for one in problem.friction):
         return _convex(problem, restitution)
-    if law == "newton" and all(_is_circle(f) for f in sets) and _one_each(problem):
-        return _newton(problem, restitution, at_rest, time)
-    if law in {"newton", "moreau"}:
-        return _moreau(problem, restitution)
     if law == "poisson":
         return _poisson(problem, restitution)
-    raise InvalidInput("law", f"it is {law}", f"One of {', '.join(LAWS)}.")
+    if law == "newton" and all(_is_circle(f) for f in problem.friction) and _one_each(problem):
+        return _newton(problem, restitution, at_rest, time)
+    return _moreau(problem, restitution)
 
 
 def _is_circle(one: FrictionSet) -> bool:
@@ -197,26 +219,30 @@ def _names(problem: ContactProblem, p: Array) -> tuple[str, ...]:
 
 
 def _poisson(problem: ContactProblem, restitution: Array) -> ImpulseSolution:
-    """Solve group by group: contacts of one group act on one another."""
-    p, unique = np.zeros(len(problem.free)), True
-    for group in groups(problem):
-        part, e = group.problem, restitution[group.normals]
-        if len(e) == 1 and len(part.friction) == 1 and _is_circle(part.friction[0]):
-            own = [part.normals[0], *part.friction[0].rows]
-            if part.free[own[0]] < 0.0:
-                path = poisson_path(part.delassus[np.ix_(own, own)], part.free[own], part.friction[0], float(e[0]))
-                p[[group.rows[row] for row in own]] = path
-            continue
-        p[group.rows], alone = _two_phases(part, e)
-        unique = unique and alone
+    """Solve along Routh's path, or in two phases."""
+    if len(restitution) == 1 and len(problem.friction) == 1 and _is_circle(problem.friction[0]):
+        p, unique, own = np.zeros(len(problem.free)), True, [problem.normals[0], *problem.friction[0].rows]
+        if problem.free[own[0]] < 0.0:
+            delassus, e = problem.delassus[np.ix_(own, own)], float(restitution[0])
+            p[own] = poisson_path(delassus, problem.free[own], problem.friction[0], e)
+    else:
+        p, unique = _two_phases(problem, restitution)
     return ImpulseSolution(p, problem.acceleration(p), _names(problem, p), unique)
 
 
-def _two_phases(problem: ContactProblem, restitution: Array) -> tuple[Array, bool]:
+def _two_phases(problem: ContactProblem, restitution: Array) -> tuple[Array, bool | None]:
     compression = decide(problem)
     preload = np.zeros(len(problem.free))
     preload[list(problem.normals)] = restitution * compression.force[list(problem.normals)]
     sets = tuple(replace(f, offset=float(preload[f.load])) for f in problem.friction if f.load is not None)
     free = compression.acceleration + problem.delassus @ preload
     expansion = decide(replace(problem, free=free, friction=sets))
-    return compression.force + preload + expansion.force, bool(compression.unique and expansion.unique)
+    unique = _all_unique({compression.unique, expansion.unique, not _open_rebound(problem, compression, restitution)})
+    return compression.force + preload + expansion.force, unique
+
+
+def _open_rebound(problem: ContactProblem, compression: ModeDecision, restitution: Array) -> bool:
+    """Return whether impulses that compression leaves open change the velocities by what restitution makes of them."""
+    normals, scale = list(problem.normals), problem.row_scale()
+    effect = problem.delassus[:, normals] @ (restitution[:, None] * compression.undetermined[normals])
+    return bool(np.any(np.abs(effect) > _OPEN * scale[:, None] * float(np.max(scale))))
