@@ -92,7 +92,8 @@ def solve_impulse(
     sets = tuple(f for f in problem.friction if f.load is not None)
     sets = tuple(replace(f, static=f.kinetic, offset=0.0) for f in sets)
     problem = replace(problem, free=approach, friction=sets, sliding=None)
-    impulse, modes, judged = np.zeros(len(approach)), [""] * len(normals), {True}
+    impulse, modes = np.zeros(len(approach)), [""] * len(normals)
+    judged: set[bool | None] = set()
     for group in groups(problem):
         if group.normals:
             own = {laws[i] for i in group.normals}
@@ -220,13 +221,13 @@ def _names(problem: ContactProblem, p: Array) -> tuple[str, ...]:
 
 def _poisson(problem: ContactProblem, restitution: Array) -> ImpulseSolution:
     """Solve along Routh's path, or in two phases."""
-    if len(restitution) == 1 and len(problem.friction) == 1 and _is_circle(problem.friction[0]):
-        p, unique, own = np.zeros(len(problem.free)), True, [problem.normals[0], *problem.friction[0].rows]
-        if problem.free[own[0]] < 0.0:
-            delassus, e = problem.delassus[np.ix_(own, own)], float(restitution[0])
-            p[own] = poisson_path(delassus, problem.free[own], problem.friction[0], e)
-    else:
+    p, unique = np.zeros(len(problem.free)), None
+    if len(restitution) > 1 or len(problem.friction) != 1 or not _is_circle(problem.friction[0]):
         p, unique = _two_phases(problem, restitution)
+    elif problem.free[problem.normals[0]] < 0.0:
+        own = [problem.normals[0], *problem.friction[0].rows]
+        delassus, e = problem.delassus[np.ix_(own, own)], float(restitution[0])
+        p[own] = poisson_path(delassus, problem.free[own], problem.friction[0], e)
     return ImpulseSolution(p, problem.acceleration(p), _names(problem, p), unique)
 
 
