@@ -358,3 +358,19 @@ def test_a_contact_that_would_have_to_pull_is_released():
     np.testing.assert_allclose(hit.after.w_WB_W[0], [0, w, 0], rtol=0, atol=BAR)
     np.testing.assert_allclose(hit.after.v_WB_W[0], [0, 0, w * a], rtol=0, atol=BAR)
     np.testing.assert_allclose(hit.normal, [0, m * w * a + N, N], rtol=0, atol=BAR)
+
+
+@pytest.mark.parametrize(("above", "below"), [(0.0, 1.0), (0.3, 0.9)])
+def test_a_ball_at_rest_on_the_floor_gets_back_its_share_of_the_impulse_by_poissons_law(above, below):
+    """Both impulses of compression are m u; of expansion e m u each, and what then holds the lower ball back."""
+    m, r, u = 0.5, 0.1, 1.4
+    laws = ({"restitution": e, "impact_law": "poisson"} for e in (below, above))
+    contacts = (
+        SpherePlane("floor", "lower", ZERO, r, GROUND, ZERO, Z, **next(laws)),
+        SphereSphere("balls", "upper", ZERO, r, "lower", ZERO, r, **next(laws)),
+    )
+    initial = state([r * Z, (3 * r + 0.2) * Z], [ZERO, -u * Z])
+    mechanism = floating(ball("lower", m, r), ball("upper", m, r))
+    answer, (hit,) = simulate_with_impacts(mechanism, initial, np.array([0.0, 0.2]), contacts)
+    np.testing.assert_allclose(answer.v_WB_W[-1, :, 2], 0.5 * below * u, rtol=0, atol=BAR)
+    np.testing.assert_allclose(hit.normal, m * u * np.array([1.0 + below, 1.0 + 0.5 * below]), rtol=0, atol=BAR)

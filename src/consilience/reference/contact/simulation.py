@@ -364,12 +364,17 @@ class ContactSimulation:
         raise NumericalFailure(f"{_CHAIN} impacts at the instant t = {stepper.t:.12g} s: velocities do not settle")
 
     def _restitution(self, rate: Array, strikes: Array, response: Response) -> Array:
-        """Return the restitution of each normal at its rate (n_n,): zero at its last impact."""
+        """Return the restitution of each normal at its rate (n_n,): zero at its last impact.
+
+        By Poisson's law what rests rebounds, too, from what strikes elsewhere: it does not where all strike for the last
+        time.
+        """
         found, stepper, gap = self.layout.rebounds(-rate), self.stepper, self.equations.rows.gap[self.layout.gaps]
         ends = self.bounces.add(stepper.t, strikes, gap, rate, stepper.modes.closed, response.K)
         for n, after in ends.items():
-            found[n] = 0.0
             if after is not None:
                 self.samples.add(stepper.t + after, "bounces end", int(self.layout.site[self.layout.normals[n]]))
-        found[-rate < _CRAWL * self.speed] = 0.0
+        last = strikes & (-rate < _CRAWL * self.speed)
+        last[list(ends)] = True
+        found[last | np.all(last[strikes])] = 0.0
         return found
