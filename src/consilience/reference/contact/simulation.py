@@ -366,7 +366,7 @@ class ContactSimulation:
     def _restitution(self, rate: Array, strikes: Array, response: Response) -> Array:
         """Return the restitution of each normal at its rate (n_n,): zero at its last impact.
 
-        By Poisson's law what rests rebounds, too, from what strikes elsewhere, but not where all strike for the last time.
+        By Poisson's law what rests rebounds, too, from what strikes elsewhere; not where all strike for the last time.
         """
         found, stepper, gap = self.layout.rebounds(-rate), self.stepper, self.equations.rows.gap[self.layout.gaps]
         ends = self.bounces.add(stepper.t, strikes, gap, rate, stepper.modes.closed, response.K)
