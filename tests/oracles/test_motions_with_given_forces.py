@@ -1,5 +1,7 @@
 """Contacts on springs and dampers, friction that reactions of joints bound, friction moments: closed forms."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -15,6 +17,7 @@ from consilience.mechanism import (
     Initial,
     Joint,
     Mechanism,
+    PointPlane,
     initial_state,
 )
 from consilience.reference.contact import contact_instant, simulate_with_contacts
@@ -109,6 +112,23 @@ def test_friction_of_a_reaction_that_is_shared_is_refused():
     mechanism = bead_on_rod(LEVEL, twice=True)
     with pytest.raises(NumericalFailure, match="dry friction 'fit': constraints that depend on one another leave"):
         contact_instant(mechanism, [sliding(mechanism, 0.2, 1.0)])
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.6], ids=["along", "oblique"])
+def test_an_impact_that_loads_a_joint_with_friction_of_its_reaction_is_refused(slope):
+    """On a rail that turns no more a bead strikes a wall: across the rail the joint carries nothing, or an impulse."""
+    normal = LAB.axes @ np.array([-1.0, 0.0, slope])
+    wall = PointPlane("wall", "bead", np.zeros(3), GROUND, LAB.origin + 0.3 * LAB.axes[:, 0], normal, restitution=0.5)
+    still = bead_on_rod(np.zeros(3))
+    drive = replace(still.drives[0], motion=Function([0.0]))
+    mechanism = replace(still, drives=(drive,), contacts=(wall,))
+    start, times = sliding(mechanism, 0.2, 1.0), np.array([0.0, 0.3])
+    if slope:
+        with pytest.raises(NumericalFailure, match=r"dry friction 'fit': the impact at .* loads its joint"):
+            simulate_with_contacts(mechanism, start, times)
+    else:
+        answer, _ = simulate_with_contacts(mechanism, start, times)
+        assert np.linalg.norm(answer.v_WB_W[-1, 1]) == pytest.approx(0.5, abs=1e-12)
 
 
 def test_drilling_friction_stops_a_spinning_ball_and_nothing_else():

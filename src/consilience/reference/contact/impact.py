@@ -63,6 +63,10 @@ _ENERGY = 1e-10
 """Largest apparent energy gain of an impact by rounding, relative to the energy before."""
 
 
+_ACROSS = 1e-9
+"""Impulse of a joint across its axis that is none, over the largest."""
+
+
 @dataclass(frozen=True, eq=False)
 class Impact:
     """Impact of all contacts that are closed at one instant.
@@ -283,6 +287,7 @@ def apply_impact(
         )
     force = np.zeros(len(layout.names))
     force[at] = found.impulse
+    _refuse_friction_of_reactions(layout, response, force, stepper.t)
     before, count, lam = stepper.y.copy(), len(equations.model.mass), equations.multipliers_of_impulse(response, force)
     after, answer = before.copy(), response.K.T @ force
     after[:count, 7:13] += (equations.inverse.T @ answer).reshape(-1, 6)
@@ -293,6 +298,21 @@ def apply_impact(
     if set(laws) <= {"newton"} and not any(one.associated for one in problem.friction):
         _check_energy(impact, layout)
     return impact
+
+
+def _refuse_friction_of_reactions(layout: RowLayout, response: Response, force: Array, time: float) -> None:
+    """Refuse impulses that load a joint whose reaction bounds its friction, which has one then by no stated law.
+
+    Raises
+    ------
+    NumericalFailure
+    """
+    for j, reaction in response.reactions.items():
+        if np.linalg.norm(reaction.linear @ force) > _ACROSS * np.max(np.abs(force), initial=0.0):
+            raise NumericalFailure(
+                f"{layout.friction[j].name}: the impact at t = {time:.12g} s loads its joint across the axis, and what "
+                "friction of a reaction does in an impact is not stated; friction of a constant bound has no impulse"
+            )
 
 
 def _names(layout: RowLayout, normals: Array) -> tuple[str, ...]:
