@@ -128,7 +128,10 @@ class Simulation(TrajectoryAnswer):
         return found
 
     def energy(self) -> dict[str, Array]:
-        """Return kinetic, potential and total energy over time, J, each of shape (n_t,)."""
+        """Return kinetic, potential and total energy over time, J, each of shape (n_t,).
+
+        Without what springs of compliant contacts store.
+        """
         states = [self.state(k) for k in range(len(self.time))]
         kinetic = np.array([kinetic_energy(self.mechanism, s) for s in states])
         potential = np.array([potential_energy(self.mechanism, s) for s in states])
