@@ -18,6 +18,7 @@ from consilience.mechanism import (
     Joint,
     Mechanism,
     PointPlane,
+    SpherePlane,
     initial_state,
 )
 from consilience.reference.contact import contact_instant, simulate_with_contacts
@@ -50,6 +51,39 @@ def test_a_ball_leaves_a_spring_and_a_damper_where_they_would_pull():
     assert LAB.centre(answer)[0] == pytest.approx([0, 0, 0.1 - x - 0.1 * leaves], abs=STATE)
     assert answer.contact_loss[-1] == pytest.approx(0.5 * m * (v**2 - leaves**2), abs=STATE)
     assert LAB.axes.T @ answer.contact_impulse[-1, 0] == pytest.approx([0, 0, m * (v - leaves)], abs=STATE)
+
+
+@pytest.mark.parametrize("damping", [0.0, 20.0, 200.0])
+@pytest.mark.parametrize("duration", [0.02, 0.1])
+def test_no_step_passes_over_a_plate_that_dips_a_little_into_a_spring_and_a_damper(duration, damping):
+    """Plate and ball move as told, ``g = d + a sin(w t)``, a little below zero: until ``k g + c g' = 0``, then parting.
+
+    With ``tan b = c w/k`` that is ``k d + hypot(k, c w) a sin(w t + b) = 0``.
+    """
+    a, w, d, k = 1e-3, 100.0 * np.pi, 0.999e-3, 1e3
+    here = Frame(np.zeros(3), LAB.axes)
+    ball = Body("ball", 1.0, np.zeros(3), 1e-2 * np.eye(3), Frame(LAB.origin, np.eye(3)))
+    slide = {
+        name: Joint(name, "prismatic", GROUND, name, Frame(LAB.origin, here.R), here) for name in ("plate", "ball")
+    }
+    contact = SpherePlane(
+        *("c", "ball", np.zeros(3), 0.1, "plate", np.zeros(3), LAB.axes[:, 2]), compliance=Compliance(k, damping)
+    )
+    moves = {"plate": Function(harmonics=[(a, w, np.pi)]), "ball": Function([0.1 + d])}
+    drives = tuple(Drive(f"moves {name}", name, "distance", move) for name, move in moves.items())
+    bodies = (replace(ball, name="plate"), ball)
+    mechanism = Mechanism("dips", np.zeros(3), bodies, tuple(slide.values()), drives=drives, contacts=(contact,))
+    answer, events = simulate_with_contacts(mechanism, initial_state(mechanism), np.array([0.0, duration]), 1e-12)
+    b, most = np.arctan2(damping * w, k), np.hypot(k, damping * w)
+    touches = (np.pi + np.arcsin(d / a)) / w
+    leaves = (2.0 * np.pi - np.arcsin(k * d / (most * a)) - b) / w
+    dips = round(duration * w / (2.0 * np.pi))
+    told = (np.array([touches, leaves]) + 2.0 * np.pi / w * np.arange(dips)[:, None]).ravel()
+    assert [e.kind for e in events] == ["closes", "opens"] * dips
+    assert [e.time for e in events] == pytest.approx(told, abs=TIME)
+    impulse = k * a / w * (np.cos(w * leaves) - np.cos(w * touches)) - k * d * (leaves - touches)
+    impulse -= damping * a * (np.sin(w * leaves) - np.sin(w * touches))
+    assert LAB.axes.T @ answer.contact_impulse[-1, 0] == pytest.approx([0, 0, dips * impulse], rel=1e-7, abs=1e-14)
 
 
 def test_a_bowling_ball_on_a_spring_slips_and_rolls_as_on_rigid_ground():

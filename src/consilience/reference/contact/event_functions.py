@@ -102,14 +102,14 @@ class EventFunctions:
         return float(self.at(np.array([stepper.t]), stepper.y[None], stepper)[0][0, w])
 
     def _of_spring(self, kind: str, s: int, seen: ObservedRows) -> tuple[Array, Array]:
-        """Return the force of a compliant contact, or its gap; where shapes overlap, by how much it would pull."""
+        """Return the force of a compliant contact, or its gap; where shapes part, by how much it would pull."""
         part = self._layout.springs[s]
         law, gap, rate = self._layout.parts[part].compliance, seen.gap[:, part], seen.u[:, 3 * part]
         if kind == "spring":
             force = -law.stiffness * gap - law.damping * rate
             return force, -law.stiffness * rate if law.damping == 0.0 else np.full(len(gap), np.nan)
-        apart = gap > 0.0
-        return np.where(apart, gap, gap + law.damping / law.stiffness * rate), np.where(apart, rate, np.nan)
+        parts = (gap <= 0.0) & (rate > 0.0)  # what approaches is pressed: the function is continuous there
+        return np.where(parts, gap + law.damping / law.stiffness * rate, gap), np.where(parts, np.nan, rate)
 
     def _of_group(self, times: Array, states: Array, stepper: Stepper, seen: ObservedRows, scale: float) -> Array:
         """Return the margin of forces that are undetermined: the widest, where those that were chosen leave doubt."""

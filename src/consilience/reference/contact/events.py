@@ -6,7 +6,7 @@ watch     function, positive while the mode lasts         event at its zero
 gap       gap of an open normal                           impact, or closes
 normal    force N of a closed normal                      opens
 touch     gap of a compliant contact; where shapes          is pressed
-          overlap, by how much it would pull
+          overlap and part, by how much it would pull
 spring    force of one that is pressed                    opens
 margin    ``mu_s N - |T|`` of what sticks                 slips
 group     the same where forces are undetermined: the     opens, or slips
@@ -141,9 +141,10 @@ def first_zero(values: Values, nodes: Array, armed: Array, watches: list[Watch])
 
 def _stays_positive(table: Array, rates: Array) -> Array:
     """Return which functions are positive at all nodes and have no lowest point between them."""
-    falls, rises, inner = rates[:-1] < 0.0, rates[1:] > 0.0, table[1:-1]
+    falls, rises, inner, known = rates[:-1] < 0.0, rates[1:] > 0.0, table[1:-1], np.isfinite(rates)
     by_rates, by_values = falls & rises, (inner < table[:-2]) & (inner <= table[2:])
-    dips = np.where(np.isfinite(rates).all(axis=0), by_rates.any(axis=0), by_values.any(axis=0))
+    overlaps = known[:-1] & ~known[1:]
+    dips = (by_rates | overlaps).any(axis=0) | (by_values.any(axis=0) & ~known.all(axis=0))
     return np.asarray((table > 0.0).all(axis=0) & ~dips)
 
 
@@ -179,8 +180,23 @@ class _Column:
         return None, armed or bool(value[-1] > ready)
 
     def _turning(self, k: int) -> float:
-        """Return the time at which the rate changes sign in part k."""
-        return float(scipy.optimize.brentq(self._rate_at, self.nodes[k], self.nodes[k + 1], xtol=1e-15, rtol=1e-15))
+        """Return the time at which the rate changes sign in part k, or one at which it is not known."""
+
+        def rate(t: float) -> float:
+            found = self._rate_at(t)
+            return found if np.isfinite(found) else 0.0
+
+        return float(scipy.optimize.brentq(rate, self.nodes[k], self.nodes[k + 1], xtol=1e-15, rtol=1e-15))
+
+    def _overlap(self, k: int, t: float) -> float:
+        """Return a time in part k, until t, at which the function is negative, if shapes overlap at t and part."""
+        start = float(self.nodes[k])
+        while self._at(t) >= 0.0 and not np.isfinite(self._rate_at(t)):
+            middle = 0.5 * (start + t)
+            if not start < middle < t:
+                break
+            start, t = (middle, t) if np.isfinite(self._rate_at(middle)) else (start, middle)
+        return t
 
     def _highest(self, k: int) -> float:
         """Return the time of the maximum in part k of a function that rises from zero, or the start of the part."""
@@ -197,10 +213,12 @@ class _Column:
         value, nodes = self.value, self.nodes
         if value[k] <= 0.0 or value[k + 1] < 0.0:
             return None
-        if np.isfinite(self.rate[k]):
+        if np.isfinite(self.rate[k]) and not np.isfinite(self.rate[k + 1]):  # shapes overlap, and part again
+            low = self._overlap(k, float(nodes[k + 1]))
+        elif np.isfinite(self.rate[k]):
             if not self.rate[k] < 0.0 < self.rate[k + 1] or self._tangents_meet(k) > 0.0:
                 return None
-            low = self._turning(k)
+            low = self._overlap(k, self._turning(k))
         else:
             if k == 0 or not value[k - 1] > value[k] <= value[k + 1]:
                 return None
