@@ -91,15 +91,3 @@ def test_an_impact_of_the_first_instant_is_an_event():
     )
     assert [(event.kind, event.name) for event in events] == [("impact", "contact 'ball'")] * 2
     np.testing.assert_allclose(motion.event_time, [0.0, back], atol=1e-12)
-
-
-def test_impulse_and_loss_of_an_impact_of_the_first_instant_are_told():
-    """``m (1 + e) v``, and ``m v^2 (1 - e^2)/2`` from then on."""
-    lab, m, v, e = Lab(), 2.0, 1.3, 0.6
-    mechanism = lab.free_body(m, (0.02, 0.02, 0.02), (0.0, 0.0, -G), [lab.sphere(0.1, restitution=e)])
-    motion, _ = simulate_with_contacts(
-        mechanism, lab.state([0.0, 0.0, 0.1], [0.0, 0.0, -v]), np.array([0.0, 0.01, 0.02])
-    )
-    impulse = motion.contact_impulse[:, 0] @ lab.axes
-    np.testing.assert_allclose(impulse, [[0.0, 0.0, m * (1.0 + e) * v], *np.zeros((2, 3))], atol=1e-13)
-    np.testing.assert_allclose(motion.contact_loss, 0.5 * m * v**2 * (1.0 - e**2), atol=1e-13)

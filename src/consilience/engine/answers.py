@@ -218,12 +218,13 @@ class TrajectoryAnswer:
     contact_gap : ndarray, shape (n_t, n_c), m, or None
         Smallest gap of the parts of each contact. This and the following fields are None where the method gives none.
     contact_impulse : ndarray, shape (n_t, n_c, 3), N s, or None
-        Impulse of each contact on its `body` since the sample before, world axes; at the first sample that of
-        an impact of this instant. Of several contacts whose shares equilibrium leaves open, one choice.
+        Impulse of each contact on its `body` since the sample before, world axes; zero at the first sample. Of several
+        contacts whose shares equilibrium leaves open, one choice.
     contact_mode : ndarray of int, shape (n_t, n_c), or None
         Index into `CONTACT_MODES`.
     contact_loss : ndarray, shape (n_t,), J, or None
-        Energy lost in contacts, stops and dry friction since the start.
+        Energy lost in contacts, stops and dry friction since the first sample, which has the velocities after an impact
+        of its instant: what is lost in that, like its impulse, is in no sample.
     event_time : ndarray, shape (n_e,), s, or None
         Times of the events, in order.
     event_contact, event_kind : ndarray of int, shape (n_e,), or None

@@ -122,7 +122,7 @@ class Samples:
         """Return the answer of all samples."""
         states, gaps, impulses, modes, losses = (np.concatenate(part) for part in zip(*self._found, strict=True))
         p, quat, v, w = unpack(self._layout.smooth, states)
-        events, lost = self.in_order(), self._spent[0][2][0]  # by an impact of the first instant
+        events = self.in_order()
         return TrajectoryAnswer(
             times,
             p,
@@ -131,9 +131,9 @@ class Samples:
             w,
             counters,
             contact_gap=gaps,
-            contact_impulse=np.diff(impulses, axis=0, prepend=np.zeros_like(impulses[:1])),
+            contact_impulse=np.diff(impulses, axis=0, prepend=impulses[:1]),
             contact_mode=modes,
-            contact_loss=losses - (losses[0] - lost),
+            contact_loss=losses - losses[0],
             event_time=np.array([event.time for event in events]),
             event_contact=np.array([event.site for event in events], dtype=np.int64),
             event_kind=np.array([EVENT_KINDS.index(event.kind) for event in events], dtype=np.int64),
