@@ -54,13 +54,13 @@ def test_a_ball_leaves_a_spring_and_a_damper_where_they_would_pull():
 
 
 @pytest.mark.parametrize("damping", [0.0, 20.0, 200.0])
-@pytest.mark.parametrize("duration", [0.02, 0.1])
-def test_no_step_passes_over_a_plate_that_dips_a_little_into_a_spring_and_a_damper(duration, damping):
+@pytest.mark.parametrize(("duration", "d"), [(0.02, 0.999e-3), (0.1, 0.999e-3), (0.3, 0.99999e-3)])
+def test_no_step_passes_over_a_plate_that_dips_a_little_into_a_spring_and_a_damper(duration, d, damping):
     """Plate and ball move as told, ``g = d + a sin(w t)``, a little below zero: until ``k g + c g' = 0``, then parting.
 
     With ``tan b = c w/k`` that is ``k d + hypot(k, c w) a sin(w t + b) = 0``.
     """
-    a, w, d, k = 1e-3, 100.0 * np.pi, 0.999e-3, 1e3
+    a, w, k = 1e-3, 100.0 * np.pi, 1e3
     here = Frame(np.zeros(3), LAB.axes)
     ball = Body("ball", 1.0, np.zeros(3), 1e-2 * np.eye(3), Frame(LAB.origin, np.eye(3)))
     slide = {
