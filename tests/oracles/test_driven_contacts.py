@@ -22,6 +22,7 @@ from consilience.mechanism import (
     Mechanism,
     PointPlane,
     SpherePlane,
+    State,
     initial_state,
     sine,
 )
@@ -103,6 +104,26 @@ def test_a_plate_throws_a_plastic_ball_where_it_falls_away_and_takes_its_speed_a
     found = [one.time for one in events if one.kind in ("opens", "impact")]
     assert found == pytest.approx(times, abs=1e-12)
     assert answer.contact_loss[-1] == pytest.approx(loss, abs=1e-10)
+
+
+@pytest.mark.parametrize("share", [1.0 - 1e-4, 1.0 - 1e-6])
+@pytest.mark.parametrize("end", [0.5, 1.7, 3.1, 6.0])
+@pytest.mark.parametrize("phase", [0.0, 0.4])
+def test_no_step_passes_over_a_force_that_falls_a_little_below_its_bound(end, phase, share):
+    """Friction holds a load on a shaken table up to ``mu_s g``, a little less than ``A w^2``: there it slips."""
+    A, w = 0.05, 6.0
+    bodies = (body("table", 5.0, ZERO), body("load", MASS, ZERO))
+    here = Frame(ZERO, UP)
+    joints = (slider("along", GROUND, "table", ZERO, ALONG), Joint("free", "parallel_axes", GROUND, "load", here, here))
+    static = A * w**2 * share / G
+    feet = PointPlane("feet", "load", OFF, "table", OFF, Z, friction=0.5 * static, static_friction=static)
+    shaker = Drive("shaker", "along", "distance", sine(A, w, phase))
+    mechanism = Mechanism("shaken", -G * Z, bodies, joints, drives=(shaker,), contacts=(feet,))
+    place, speed = A * np.sin(phase) * np.tile(X, (2, 1)), A * w * np.cos(phase) * np.tile(X, (2, 1))
+    state = State(place, np.tile([1.0, 0.0, 0.0, 0.0], (2, 1)), speed, np.zeros((2, 3)))
+    _, events = simulate_with_contacts(mechanism, state, np.array([0.0, end]), 1e-12)
+    assert events[0].kind == "slips"
+    assert events[0].time == pytest.approx((np.arcsin(share) - phase) / w, abs=1e-11)
 
 
 def test_friction_takes_the_way_that_a_drive_goes_to_and_fro():

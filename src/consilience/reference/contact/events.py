@@ -18,8 +18,8 @@ turn      how far the heading is from the bisector of     slides along a facet
 ========  ==============================================  =============================
 
 Functions are evaluated at equidistant times of a step, at least `PARTS` and one in `INTERVALS` of the motion, and at
-their lowest points between them. A function counts once it has left zero by `ARMED` of its scale: the event that has
-just happened does not happen again.
+their lowest points between them, which their rates tell, or slopes of polynomials through five of their values. A
+function counts once it has left zero by `ARMED` of its scale: the event that has just happened does not happen again.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ import scipy
 
 from consilience.mechanism import Array
 from consilience.reference.contact.problem import FrictionMode, FrictionSet
-from consilience.reference.contact.quiet_steps import INTERVALS, PARTS
+from consilience.reference.contact.quiet_steps import INTERVALS, PARTS, SLOPES
 
 ARMED = 1e-9
 """Value, over its scale, from which an event function counts."""
@@ -43,6 +43,9 @@ ROUNDING = 1e-5
 
 _NEAR = 1e-12
 """Distance from a zero at which its search ends, over the step: steps that end there refine it."""
+
+_LOWEST = 1e-6
+"""Distance from a lowest point at which its search ends, over a part of the step."""
 
 CLEAR = 1e-2
 """Margin of undetermined forces, over the forces, from which it stands for the widest, whose sign it has."""
@@ -130,29 +133,43 @@ def first_zero(values: Values, nodes: Array, armed: Array, watches: list[Watch])
     if not watches:
         return None
     table, rates = values(nodes)
+    slopes = _slopes(table)
     best: tuple[float, int] | None = None
-    for w in np.flatnonzero(~(armed & _stays_positive(table, rates))).tolist():
-        watch, column = watches[w], _Column(values, w, nodes, table[:, w], rates[:, w])
+    for w in np.flatnonzero(~(armed & _stays_positive(table, rates, slopes))).tolist():
+        watch, column = watches[w], _Column(values, w, nodes, table[:, w], rates[:, w], slopes[:, w])
         found, armed[w] = column.first_zero(bool(armed[w]), ARMED * watch.scale)
         if found is not None and (best is None or found < best[0]):
             best = (found, w)
     return best
 
 
-def _stays_positive(table: Array, rates: Array) -> Array:
+def _slopes(table: Array) -> Array:
+    """Return the slopes of functions at equidistant nodes, times their distance, from values at five of them each."""
+    last = len(table) - 1
+    if last < len(SLOPES) - 1:
+        return np.asarray(np.gradient(table, axis=0))
+    first = np.clip(np.arange(last + 1) - 2, 0, last - 4)
+    near = table[first[:, None] + np.arange(5)]
+    return np.asarray(np.einsum("nj,njw->nw", SLOPES[np.arange(last + 1) - first], near))
+
+
+def _stays_positive(table: Array, rates: Array, slopes: Array) -> Array:
     """Return which functions are positive at all nodes and have no lowest point between them."""
-    falls, rises, inner, known = rates[:-1] < 0.0, rates[1:] > 0.0, table[1:-1], np.isfinite(rates)
-    by_rates, by_values = falls & rises, (inner < table[:-2]) & (inner <= table[2:])
+    known, inner = np.isfinite(rates), table[1:-1]
+    rate = np.where(known, rates, slopes)
+    by_rates = (rate[:-1] < 0.0) & (rate[1:] > 0.0)
+    by_values = (inner < table[:-2]) & (inner <= table[2:])
     overlaps = known[:-1] & ~known[1:]
     dips = (by_rates | overlaps).any(axis=0) | (by_values.any(axis=0) & ~known.all(axis=0))
     return np.asarray((table > 0.0).all(axis=0) & ~dips)
 
 
 class _Column:
-    """One event function: its values and rates at the nodes."""
+    """One event function: its values, rates and slopes at the nodes."""
 
-    def __init__(self, values: Values, index: int, nodes: Array, value: Array, rate: Array) -> None:
+    def __init__(self, values: Values, index: int, nodes: Array, value: Array, rate: Array, slope: Array) -> None:
         self._values, self._index, self.nodes, self.value, self.rate = values, index, nodes, value, rate
+        self._slope = slope
         self._known = dict(zip(nodes.tolist(), value.tolist(), strict=True))
 
     def _at(self, t: float) -> float:
@@ -203,10 +220,19 @@ class _Column:
         rises = self.rate[k] > 0.0 > self.rate[k + 1]
         return self._turning(k) if rises else float(self.nodes[k])
 
-    def _tangents_meet(self, k: int) -> float:
-        """Return the value at which the tangents at the ends of part k meet, below which no convex function falls."""
-        (a, b), (falls, rises) = self.value[k : k + 2], self.rate[k : k + 2]
-        return float((a * rises - b * falls + falls * rises * (self.nodes[k + 1] - self.nodes[k])) / (rises - falls))
+    def _dips(self, k: int, rate: Array, step: float) -> bool:
+        """Return whether the function falls and rises in part k, and a convex one may fall to zero: tangents meet."""
+        (a, b), (falls, rises) = self.value[k : k + 2], rate[k : k + 2]
+        return bool(falls < 0.0 < rises and a * rises - b * falls + falls * rises * step <= 0.0)
+
+    def _bends(self, k: int) -> bool:
+        """Return whether node k is lower than those beside it, and the parabola through the three falls near zero."""
+        if not 0 < k < len(self.nodes) - 1:
+            return False
+        before, here, after = self.value[k - 1 : k + 2]
+        if not before > here <= after:
+            return False
+        return bool(0.9 * here <= 0.125 * (after - before) ** 2 / (after - 2.0 * here + before))
 
     def _lowest(self, k: int) -> float | None:
         """Return a time in part k at which the function is negative though it is not at its ends; None: nowhere."""
@@ -216,17 +242,15 @@ class _Column:
         if np.isfinite(self.rate[k]) and not np.isfinite(self.rate[k + 1]):  # shapes overlap, and part again
             low = self._overlap(k, float(nodes[k + 1]))
         elif np.isfinite(self.rate[k]):
-            if not self.rate[k] < 0.0 < self.rate[k + 1] or self._tangents_meet(k) > 0.0:
+            if not self._dips(k, self.rate, nodes[k + 1] - nodes[k]):
                 return None
             low = self._overlap(k, self._turning(k))
         else:
-            if k == 0 or not value[k - 1] > value[k] <= value[k + 1]:
+            if not (self._dips(k, self._slope, 1.0) or self._bends(k) or self._bends(k + 1)):
                 return None
-            slope, bend = 0.5 * (value[k + 1] - value[k - 1]), value[k + 1] - 2.0 * value[k] + value[k - 1]
-            if value[k] - 0.5 * slope**2 / bend > 0.1 * value[k]:
-                return None
-            bounds = (nodes[k - 1], nodes[k + 1])
-            low = float(scipy.optimize.minimize_scalar(self._at, bounds=bounds, method="bounded").x)
+            bounds, width = (nodes[k], nodes[k + 1]), nodes[k + 1] - nodes[k]
+            search = scipy.optimize.minimize_scalar
+            low = float(search(self._at, bounds=bounds, method="bounded", options={"xatol": _LOWEST * width}).x)
         return low if self._at(low) < 0.0 else None
 
     def _root(self, start: float, end: float, level: float = 0.0) -> float:

@@ -29,6 +29,11 @@ GAP, NORMAL, MARGIN, SLIP = range(4)
 PARTS, INTERVALS = 6, 96
 """Least number of parts of a step, and of a motion, at whose ends event functions are evaluated."""
 
+SLOPES = np.array(
+    [[-25, 48, -36, 16, -3], [-3, -10, 18, -6, 1], [1, -8, 0, 8, -1], [-1, 6, -18, 10, 3], [3, -16, 36, -48, 25]]
+) / (12.0)
+"""Slopes of the polynomial of degree four through five equidistant values, at each of them, times the distance."""
+
 SHORTEST = 1e-14
 """Shortest step, over the time or a second."""
 
@@ -170,6 +175,16 @@ def _value(one: Any, seen: Array, gaps: int, rows: int) -> float:
 
 
 @inner
+def _slope(one: Any, seen: Array, p: int, parts: int, gaps: int, rows: int) -> float:
+    """Return the slope of an event function at node p, times the distance of two nodes, by five values."""
+    first, width, found = min(max(p - 2, 0), parts - 4), gaps + 2 * rows, 0.0
+    for j in range(5):
+        at = (first + j) * width
+        found += SLOPES[p - first, j] * _value(one, seen[at : at + width], gaps, rows)
+    return found
+
+
+@inner
 def _stays_positive(one: Any, seen: Array, parts: int, step: float, gaps: int, rows: int) -> bool:
     """Return whether an event function is positive at all nodes, with no low point between them, as in `events`.
 
@@ -184,22 +199,16 @@ def _stays_positive(one: Any, seen: Array, parts: int, step: float, gaps: int, r
     gaps, rows : int
         Numbers of gaps, and of rates.
     """
-    width, two_back, last, before = gaps + 2 * rows, np.inf, np.inf, 0.0
+    width, last, before = gaps + 2 * rows, np.inf, 0.0
     for p in range(parts + 1):
         here = seen[p * width : (p + 1) * width]
         value = _value(one, here, gaps, rows)
         if not value > one.least:
             return False
-        if one.kind == GAP:
-            rate = here[gaps + one.row[1]]
-            if before < 0.0 < rate and last * rate - value * before + before * rate * step <= 0.0:  # tangents meet
-                return False
-            before = rate
-        elif p > 1 and last < two_back and last <= value:
-            slope, bend = 0.5 * (value - two_back), value - 2.0 * last + two_back
-            if last - 0.5 * slope * slope / bend <= 0.1 * last:
-                return False
-        two_back, last = last, value
+        rate = step * here[gaps + one.row[1]] if one.kind == GAP else _slope(one, seen, p, parts, gaps, rows)
+        if before < 0.0 < rate and last * rate - value * before + before * rate <= 0.0:  # tangents meet
+            return False
+        last, before = value, rate
     return True
 
 
