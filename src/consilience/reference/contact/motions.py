@@ -47,7 +47,7 @@ def simulate_with_contacts(
     tolerance : float
         Bound on the scaled local error of a step, 1e-13 to 1e-3.
     impacts : str
-        Law of impacts where no contact asks for Poisson's: ``newton``, or ``moreau``, that of time stepping.
+        Law of impacts of contacts that ask for no other: ``newton``, or ``moreau``, that of time stepping.
 
     Returns
     -------
