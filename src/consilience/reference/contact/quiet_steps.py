@@ -29,9 +29,9 @@ GAP, NORMAL, MARGIN, SLIP = range(4)
 PARTS, INTERVALS = 6, 96
 """Least number of parts of a step, and of a motion, at whose ends event functions are evaluated."""
 
-SLOPES = np.array(
-    [[-25, 48, -36, 16, -3], [-3, -10, 18, -6, 1], [1, -8, 0, 8, -1], [-1, 6, -18, 10, 3], [3, -16, 36, -48, 25]]
-) / 12.0
+SLOPES = np.divide(
+    [[-25, 48, -36, 16, -3], [-3, -10, 18, -6, 1], [1, -8, 0, 8, -1], [-1, 6, -18, 10, 3], [3, -16, 36, -48, 25]], 12.0
+)
 """Slopes of the polynomial of degree four through five equidistant values, at each of them, times the distance."""
 
 SHORTEST = 1e-14
