@@ -62,5 +62,6 @@ def test_a_page_tells_shares_that_are_open_and_what_contacts_of_two_bodies_carry
         assert contact["together"] == [pytest.approx(weight, abs=1e-3)] * len(TIMES)
     three = replace(mechanism, contacts=mechanism.contacts[:3])  # three legs without friction would be determined
     smooth = replace(three, contacts=tuple(replace(leg, friction=0.0) for leg in three.contacts))
-    told = contacts_at_frames(smooth, replace(answer, contact_impulse=answer.contact_impulse[:, :3]), np.arange(3))
+    theirs = replace(answer, contact_impulse=answer.contact_impulse[:, :3], contact_mode=answer.contact_mode[:, :3])
+    told = contacts_at_frames(smooth, theirs, np.arange(3))
     assert [contact["open"] for contact in told] == [[False] * 3] * 3

@@ -20,6 +20,7 @@ from consilience.engine.answers import (
     Unsupported,
 )
 from consilience.engine.contact_samples import joined_mode, limit_of_halved, motion_of_halved, over_parts
+from consilience.engine.determinate_impulses import DeterminateImpulses, determinate_impulses
 from consilience.engine.elementary_models import ELEMENTARY, axis_link, merged_spring, nonlinear_part, without_screws
 from consilience.engine.harness_solvers import numerical_rank, require_stable, runge_kutta_4, solve_constrained
 from consilience.engine.installation import adapter_file, engine_distribution, lacks_engine, pip_requirement
@@ -45,6 +46,7 @@ __all__ = [
     "ROD_MARGIN",
     "Answer",
     "CannotRepresent",
+    "DeterminateImpulses",
     "Engine",
     "EngineInfo",
     "InstantAnswer",
@@ -63,6 +65,7 @@ __all__ = [
     "beside_adapter",
     "beyond",
     "defects",
+    "determinate_impulses",
     "engine_distribution",
     "engines_like",
     "feature_names",

@@ -181,7 +181,8 @@ class InstantAnswer:
         Energies as the engine computes them; the potential energy of gravity is zero at the world origin.
     contact_force : ndarray, shape (n_s, n_c, 3), N, or None
         Force of each contact on its `body`, the sum over its parts, world axes. None where the method gives none.
-        Of several contacts whose shares equilibrium leaves open, one choice: `determinate_forces` tells.
+        Where equilibrium leaves it open, beside other contacts, joints or drives, one choice: `determinate_forces`
+        tells.
     """
 
     a_WB_W: Array
@@ -218,13 +219,13 @@ class TrajectoryAnswer:
     contact_gap : ndarray, shape (n_t, n_c), m, or None
         Smallest gap of the parts of each contact. This and the following fields are None where the method gives none.
     contact_impulse : ndarray, shape (n_t, n_c, 3), N s, or None
-        Impulse of each contact on its `body` since the sample before, world axes; zero at the first sample. Of several
-        contacts whose shares equilibrium leaves open, one choice.
+        Impulse of each contact on its `body` since the sample before, world axes; zero at the first sample. Where
+        equilibrium leaves it open, beside other contacts, joints or drives, one choice: `determinate_impulses` tells.
     contact_mode : ndarray of int, shape (n_t, n_c), or None
         Index into `CONTACT_MODES`.
     contact_loss : ndarray, shape (n_t,), J, or None
         Energy lost in contacts, stops and dry friction since the first sample, which has the velocities after an impact
-        of its instant: what is lost in that, like its impulse, is in no sample.
+        of its instant: what is lost in that, like its impulse, is in no sample. Open where drives give what they take.
     event_time : ndarray, shape (n_e,), s, or None
         Times of the events, in order.
     event_contact, event_kind : ndarray of int, shape (n_e,), or None

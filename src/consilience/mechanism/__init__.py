@@ -28,7 +28,12 @@ from consilience.mechanism.constraints import (
     scaled_jacobian,
     velocity_sizes,
 )
-from consilience.mechanism.contact_determinacy import DeterminateForces, contact_pairs, determinate_forces
+from consilience.mechanism.contact_determinacy import (
+    DeterminateForces,
+    contact_pairs,
+    determinate_forces,
+    determinate_power,
+)
 from consilience.mechanism.contact_geometry import (
     TOUCHING,
     NearestPoints,
@@ -236,6 +241,7 @@ __all__ = [
     "cross",
     "crosses",
     "determinate_forces",
+    "determinate_power",
     "determinate_reactions",
     "displaced_states",
     "drawing_state",

@@ -8,13 +8,13 @@ determine counts as undetermined.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from consilience.mechanism.constraints import null_space, row_sizes, scaled_jacobian, velocity_sizes
+from consilience.mechanism.constraints import constraint_rates, null_space, row_sizes, scaled_jacobian, velocity_sizes
 from consilience.mechanism.contact_geometry import TOUCHING, NearestPoints, coordinate_row, nearest_points
 from consilience.mechanism.contacts import Contact, ElementaryContact, contact_parts
 from consilience.mechanism.model import Mechanism, State
@@ -53,25 +53,66 @@ class DeterminateForces(NamedTuple):
     contacts: NDArray[np.bool_]
 
 
-def determinate_forces(mechanism: Mechanism, state: State) -> DeterminateForces:
-    """Tell which components of joint reactions and of contact forces equilibrium determines."""
+def determinate_forces(mechanism: Mechanism, state: State, touched: Collection[str] = ()) -> DeterminateForces:
+    """Tell which components of joint reactions and of contact forces equilibrium determines.
+
+    Parameters
+    ----------
+    touched : collection of str
+        Contacts and stops that count as closed though the state has them apart, as where they have just hit.
+    """
+    free, directions = _open_forces(mechanism, state, touched)
+    sums = _contact_sums(free[mechanism.constraint_count() :], directions)
+    pairs = np.einsum("pc,cik->pik", contact_pairs(mechanism.contacts), sums)
+    determined = (np.linalg.norm(forces, axis=2) < DETERMINED_TOLERANCE for forces in (pairs, sums))
+    return DeterminateForces(_reactions(mechanism, state, free, characteristic_length(mechanism)), *determined)
+
+
+def determinate_power(mechanism: Mechanism, state: State, t: float, touched: Collection[str] = ()) -> bool:
+    """Tell whether equilibrium determines the power of all drives, and with it what contacts and frictions lose.
+
+    Forces that are open do no work together, as they are in equilibrium: what contacts among them take, drives give.
+
+    Parameters
+    ----------
+    t : float, s
+        Time at which drives are evaluated.
+    touched : collection of str
+        As in `determinate_forces`.
+    """
+    rates = constraint_rates(mechanism, t) / row_sizes(mechanism)
+    if not np.any(rates):
+        return True
+    free, _ = _open_forces(mechanism, state, touched)
+    return float(np.linalg.norm(rates @ free[: len(rates)])) < DETERMINED_TOLERANCE * float(np.linalg.norm(rates))
+
+
+def _open_forces(mechanism: Mechanism, state: State, touched: Collection[str]) -> tuple[Array, list[list[Array]]]:
+    """Return a basis of the forces that are in equilibrium by themselves, and the directions of those of contacts.
+
+    Returns
+    -------
+    free : ndarray, shape (n, n_open)
+        Multipliers of the scaled rows of constraints, contacts, stops and dry frictions, in this order.
+    directions : list of lists of ndarray, each of shape (n_rows, 3)
+        Of each contact, a block for each part that is closed.
+    """
     length, sizes = characteristic_length(mechanism), velocity_sizes(mechanism)
+    resting = _resting(mechanism, state) / np.array([1.0, length])
     blocks, directions = [scaled_jacobian(mechanism, state)], list[list[Array]]()
     for contact in mechanism.contacts:
         directions.append([])
-        for part in contact_parts(contact):
-            near = nearest_points(mechanism, state, part)
-            if near.gap <= TOUCHING * length:
-                rows = _point_rows(mechanism, state, part, near)
-                free = _free_forces(part, near, rows @ _velocity(state), _resting(mechanism, state))
-                blocks.append(free @ rows * sizes / length)
-                directions[-1].append(free)
-    blocks.append(_joint_efforts(mechanism, state) * sizes)
-    free = null_space(np.vstack(blocks).T)
-    sums = _contact_sums(free[len(blocks[0]) :], directions)
-    pairs = np.einsum("pc,cik->pik", contact_pairs(mechanism.contacts), sums)
-    determined = (np.linalg.norm(forces, axis=2) < DETERMINED_TOLERANCE for forces in (pairs, sums))
-    return DeterminateForces(_reactions(mechanism, state, free, length), *determined)
+        parts = [(part, nearest_points(mechanism, state, part)) for part in contact_parts(contact)]
+        closed = [(part, near) for part, near in parts if near.gap <= TOUCHING * length]
+        hit = not closed and contact.name in touched  # by which of its parts, and with which slip, is not known
+        for part, near in parts if hit else closed:
+            rows = _contact_rows(mechanism, state, part, near)
+            motion = np.zeros(6) if hit else rows @ _velocity(state)
+            free = _free_forces(part, near, motion, resting)
+            blocks.append(free @ rows * sizes / length)
+            directions[-1].append(free[:, :3])
+    blocks.append(_joint_efforts(mechanism, state, touched) * sizes)
+    return null_space(np.vstack(blocks).T), directions
 
 
 def _velocity(state: State) -> Array:
@@ -86,25 +127,45 @@ def _resting(mechanism: Mechanism, state: State) -> float:
     return RESTING * max(float(np.max(np.abs(sizes), initial=0.0)), falling)
 
 
-def _point_rows(mechanism: Mechanism, state: State, part: ElementaryContact, near: NearestPoints) -> Array:
-    """Return the rows of the relative velocity of the material points in contact, shape (3, 6 n_b)."""
-    rows = np.zeros((3, 6 * len(mechanism.bodies)))
+def _contact_rows(mechanism: Mechanism, state: State, part: ElementaryContact, near: NearestPoints) -> Array:
+    """Return the rows of the relative velocity of the material points in contact, and of the bodies, (6, 6 n_b)."""
+    rows = np.zeros((6, 6 * len(mechanism.bodies)))
     for body, point, sign in ((part.body, near.on_body, 1.0), (part.partner, near.on_partner, -1.0)):
         i = mechanism.body_index[body]
         if i >= 0:
-            rows[:, 6 * i : 6 * i + 6] = sign * np.hstack([np.eye(3), -skew(point - state.p_WB[i])])
+            rows[:3, 6 * i : 6 * i + 6] = sign * np.hstack([np.eye(3), -skew(point - state.p_WB[i])])
+            rows[3:, 6 * i + 3 : 6 * i + 6] = sign * np.eye(3)
     return rows
 
 
-def _free_forces(part: ElementaryContact, near: NearestPoints, u: Array, resting: float) -> Array:
-    """Return the directions of the forces that a closed contact may have, shape (1, 3) or (3, 3)."""
-    slip = u - (u @ near.normal) * near.normal
-    rate = float(np.linalg.norm(slip))
-    if part.friction == 0.0:
-        return near.normal[None]
-    if part.cone.kind == "circle" and rate > resting:
-        return np.asarray(near.normal - part.friction * slip / rate)[None]
-    return np.array([near.normal, *orthogonal_triad(near.normal)[:2]])
+def _free_forces(part: ElementaryContact, near: NearestPoints, motion: Array, resting: Array) -> Array:
+    """Return the directions of force and moment that a closed contact may have, shape (n, 6): those that no law gives.
+
+    The overlap of a compliant contact gives its normal force, and with it the friction of what slides.
+
+    Parameters
+    ----------
+    motion : ndarray, shape (6,)
+        Relative velocity of the material points in contact, then of the bodies, m/s and rad/s.
+    resting : ndarray, shape (2,)
+        Largest rates of what rests, m/s and rad/s.
+    """
+    n, across = near.normal, np.eye(3) - np.outer(near.normal, near.normal)
+    tangents = np.array([t / np.linalg.norm(t) for t in orthogonal_triad(n)[:2]])
+    laws = (
+        (part.friction, tangents, across @ motion[:3], slice(0, 3), resting[0], part.cone.kind == "circle"),
+        (part.torsional, n[None], n * (n @ motion[3:]), slice(3, 6), resting[1], True),
+        (part.rolling, tangents, across @ motion[3:], slice(3, 6), resting[1], True),
+    )
+    pressed, free = np.concatenate([n, np.zeros(3)]), []
+    for share, along, rates, place, still, opposes in laws:
+        rate = float(np.linalg.norm(rates))
+        if share > 0.0 and opposes and rate > still:
+            pressed[place] -= share * rates / rate
+        elif share > 0.0:
+            free.append(np.zeros((len(along), 6)))
+            free[-1][:, place] = along
+    return np.vstack([np.zeros((0, 6)) if part.compliance is not None else pressed[None], *free])
 
 
 def _reached_stops(mechanism: Mechanism, state: State) -> list[Stop]:
@@ -118,10 +179,12 @@ def _reached_stops(mechanism: Mechanism, state: State) -> list[Stop]:
     return found
 
 
-def _joint_efforts(mechanism: Mechanism, state: State) -> Array:
+def _joint_efforts(mechanism: Mechanism, state: State, touched: Collection[str]) -> Array:
     """Return the rows of joint coordinates whose stop is reached or whose dry friction sticks, shape (n, 6 n_b)."""
     length = characteristic_length(mechanism)
-    rows = [coordinate_row(mechanism, state, s.joint, s.coordinate) for s in _reached_stops(mechanism, state)]
+    reached = _reached_stops(mechanism, state)
+    reached += [stop for stop in mechanism.stops if stop.name in touched and stop not in reached]
+    rows = [coordinate_row(mechanism, state, s.joint, s.coordinate) for s in reached]
     for dry in mechanism.dry_frictions:
         _, rate = joint_spring_motion(mechanism, state, dry.joint, dry.coordinate)
         unit = 1.0 if dry.coordinate == "distance" else length

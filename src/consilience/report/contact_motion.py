@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from consilience.engine import CONTACT_MODES, EVENT_KINDS, TrajectoryAnswer
+from consilience.engine import CONTACT_MODES, EVENT_KINDS, TrajectoryAnswer, determinate_impulses
 from consilience.mechanism import (
     Array,
     Contact,
@@ -17,7 +17,6 @@ from consilience.mechanism import (
     Stop,
     contact_pairs,
     contact_parts,
-    determinate_forces,
     joint_rates,
     nearest_points,
     relative_motion,
@@ -44,21 +43,20 @@ def contacts_at_frames(mechanism: Mechanism, answer: TrajectoryAnswer, samples: 
     A force is the impulse on `body` since the frame before over the time since then: it exists across impacts. Its
     point is the mean of the nearest points of the parts that touch. Nothing without contacts, impulses or modes.
 
-    Where equilibrium leaves a force open, before or after the interval, the force is one of many; what is known then is
-    at most the sum over all contacts of the two bodies.
+    Where equilibrium leaves a force open (`engine.determinate_impulses`), the force is one of many; what is known
+    then is at most the sum over all contacts of the two bodies.
     """
     impulse, modes = answer.contact_impulse, answer.contact_mode
     if impulse is None or modes is None or not mechanism.contacts or len(samples) < 2:
         return []
     states = [answer.state(k) for k in samples]
-    ends, spans = pairwise(samples), np.diff(answer.time[samples])
-    force = np.array([impulse[a + 1 : b + 1].sum(axis=0) / h for (a, b), h in zip(ends, spans, strict=True)])
-    force = np.concatenate([force[:1], force])  # at the first frame nothing has passed: that of the next one
+    spans = np.diff(answer.time[samples])
+    force = _between(np.add, impulse, samples) / spans[:, None, None]
     signs = contact_pairs(mechanism.contacts)
-    pair, sums = np.argmax(np.abs(signs), axis=0), np.einsum("pc,kci->kpi", signs, force)
-    known = [determinate_forces(mechanism, state) for state in states]
-    own = _on_both_sides(np.array([one.contacts for one in known]))
-    joint = _on_both_sides(np.array([one.pairs for one in known]))
+    pair, known = np.argmax(np.abs(signs), axis=0), determinate_impulses(mechanism, answer)
+    own, joint = (_between(np.logical_and, part.all(axis=2), samples) for part in (known.contacts, known.pairs))
+    force, own, joint = (np.concatenate([part[:1], part]) for part in (force, own, joint))  # the first: of the next one
+    sums = np.einsum("pc,kci->kpi", signs, force)
     return [
         {
             "name": contact.name,
@@ -88,11 +86,9 @@ def _touching(mechanism: Mechanism, state: State, contact: Contact) -> tuple[Arr
     return on_body, on_partner, float(gaps.min())
 
 
-def _on_both_sides(known: Array) -> Array:
-    """Return whether all components, (n_t, n, 3), are known at each frame and at the one before, shape (n_t, n)."""
-    both = np.all(known, axis=2)
-    both[1:] &= both[:-1]
-    return np.asarray(both)
+def _between(join: np.ufunc, values: Any, samples: Array) -> Array:
+    """Return what values of intervals, (n_t, ...), make together between one frame and the next, shape (n - 1, ...)."""
+    return np.array([join.reduce(values[a + 1 : b + 1], axis=0) for a, b in pairwise(samples)])
 
 
 def _plain(values: Any) -> list[Any]:

@@ -15,7 +15,7 @@ import numpy as np
 from consilience.engine import TrajectoryAnswer
 from consilience.errors import InvalidInput
 from consilience.mechanism import Array, Mechanism
-from consilience.report.contact_values import LOSS, contact_values, event_values, loss_over_time
+from consilience.report.contact_values import LOSSES, contact_values, event_values, loss_over_time
 from consilience.report.contact_values import QUANTITIES as OF_CONTACTS
 
 if TYPE_CHECKING:
@@ -142,16 +142,19 @@ def to_xarray(mechanism: Mechanism, answer: TrajectoryAnswer) -> xarray.Dataset:
 
 def _with_contacts(found: Any, mechanism: Mechanism, answer: TrajectoryAnswer) -> Any:
     """Return a dataset with what a motion tells of contacts, stops and dry friction."""
-    own = contact_values(answer)
+    own = contact_values(mechanism, answer)
     for name, array in own.items():
         parts, unit, label = OF_CONTACTS[name]
-        about = {"long_name": label} | ({"units": unit} if unit else {})
-        found[name] = (("time", "contact", *(["axis"] if parts else [])), array, about)
-    for name, array in loss_over_time(answer).items():
-        found[name] = ("time", array, {"units": LOSS[1], "long_name": LOSS[2]})
+        found[name] = (("time", "contact", *(["axis"] if parts else [])), array, _about(unit, label))
+    for name, array in loss_over_time(mechanism, answer).items():
+        found[name] = ("time", array, _about(*LOSSES[name]))
     for name, array in event_values(mechanism, answer).items():
         found[name] = ("event", array, {"units": TIME[0]} if name == "event_time" else {})
     return found.assign_coords(contact=[c.name for c in mechanism.contacts]) if own else found
+
+
+def _about(unit: str, label: str) -> dict[str, str]:
+    return {"long_name": label} | ({"units": unit} if unit else {})
 
 
 def many_to_xarray(

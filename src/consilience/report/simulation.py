@@ -22,6 +22,7 @@ from consilience.mechanism import (
     potential_energy,
     relative_motion,
 )
+from consilience.report.contact_values import OpenForces, open_forces
 from consilience.report.curves import KINDS, curve_sets
 from consilience.report.exports.motionplot import motion_figure, one_kind
 from consilience.report.html import render_replay
@@ -136,6 +137,13 @@ class Simulation(TrajectoryAnswer):
         kinetic = np.array([kinetic_energy(self.mechanism, s) for s in states])
         potential = np.array([potential_energy(self.mechanism, s) for s in states])
         return {"kinetic": kinetic, "potential": potential, "total": kinetic + potential}
+
+    def open_forces(self) -> OpenForces:
+        """Tell which impulses of contacts, sums of them, and losses equilibrium leaves open.
+
+        Joints, drives or other contacts share the load there: what the motion holds is one choice of many.
+        """
+        return open_forces(self.mechanism, self)
 
     def plot(self, *names: str, what: str = "coordinates") -> Figure:
         """Draw curves over time, a panel for each coordinate, joint or body.

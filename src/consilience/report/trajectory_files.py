@@ -22,10 +22,10 @@ def _arrays(mechanism: Mechanism, answer: TrajectoryAnswer) -> dict[str, Array]:
     """Collect names, times and observables, and what the motion tells of contacts, stops and dry friction."""
     found = {"time": answer.time, "bodies": np.array([b.name for b in mechanism.bodies])}
     found |= {name: getattr(answer, name) for name in QUANTITIES}
-    of_contacts = contact_values(answer)
+    of_contacts = contact_values(mechanism, answer)
     if of_contacts:
         found |= {"contacts": np.array([c.name for c in mechanism.contacts]), **of_contacts}
-    return found | loss_over_time(answer) | event_values(mechanism, answer)
+    return found | loss_over_time(mechanism, answer) | event_values(mechanism, answer)
 
 
 def _json(mechanism: Mechanism, answer: TrajectoryAnswer) -> bytes:
@@ -47,12 +47,12 @@ def _csv(mechanism: Mechanism, answer: TrajectoryAnswer) -> bytes:
         for name, (parts, _, _) in QUANTITIES.items():
             columns += [f"{body.name}.{name}.{part}" for part in parts]
             values.append(getattr(answer, name)[:, b])
-    of_contacts = contact_values(answer)
+    of_contacts = contact_values(mechanism, answer)
     for c, contact in enumerate(mechanism.contacts if of_contacts else ()):
         for name, array in of_contacts.items():
             columns += [f"{contact.name}.{name}.{part}" for part in OF_CONTACTS[name][0]] or [f"{contact.name}.{name}"]
             values.append(array[:, c].reshape(len(answer.time), -1))
-    for name, array in loss_over_time(answer).items():
+    for name, array in loss_over_time(mechanism, answer).items():
         columns.append(name)
         values.append(array[:, None])
     text = io.StringIO()

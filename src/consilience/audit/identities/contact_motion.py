@@ -18,17 +18,8 @@ from consilience.audit.identities.contact import ContactAtState, gauge, most_fri
 from consilience.audit.identities.equations import Equations, largest
 from consilience.audit.identities.motion import SAFETY, limit_of_levels
 from consilience.audit.identities.result import NotApplicableError, Residual, UnansweredError
-from consilience.engine import CONTACT_MODES, Method, TrajectoryAnswer
-from consilience.mechanism import (
-    GROUND,
-    Array,
-    Mechanism,
-    SphereSphere,
-    State,
-    determinate_forces,
-    kinetic_energy,
-    potential_energy,
-)
+from consilience.engine import CONTACT_MODES, Method, TrajectoryAnswer, determinate_impulses
+from consilience.mechanism import GROUND, Array, Mechanism, SphereSphere, State, kinetic_energy, potential_energy
 
 ROUNDING = 1e-9
 """Residual of motions, relative to their size, that counts as rounding: events are located to 1e-11 of it."""
@@ -92,7 +83,7 @@ def impulse_cone(mechanism: Mechanism, answer: TrajectoryAnswer) -> Array:
     """Return by how much impulses since the sample before pull or exceed the cone, over that of the weight.
 
     The cone is convex: where its normal is at rest, sums of forces and impulses are within it. Forces that equilibrium
-    leaves open, at the samples beside an interval, tell nothing.
+    leaves open tell nothing.
     """
     impulses, dt = _given(answer.contact_impulse, "impulses"), float(answer.time[1] - answer.time[0])
     fixed = [c for c, k in enumerate(mechanism.contacts) if not isinstance(k, SphereSphere) and k.partner == GROUND]
@@ -100,8 +91,7 @@ def impulse_cone(mechanism: Mechanism, answer: TrajectoryAnswer) -> Array:
         raise NotApplicableError("no contact has a normal at rest")
     start = [ContactAtState(mechanism, answer.state(0), mechanism.contacts[c]) for c in fixed]
     size = float(np.max(Equations(mechanism, answer.state(0)).solution.terms)) * dt
-    sure = np.array([determinate_forces(mechanism, answer.state(k)).contacts.all(axis=1) for k in range(len(impulses))])
-    told = sure & np.concatenate([sure[:1], sure[:-1]])
+    told = np.asarray(determinate_impulses(mechanism, answer).contacts.all(axis=2))
     if not np.any(told[1:, fixed]):
         raise NotApplicableError("equilibrium leaves the forces of all contacts open")
     found = []

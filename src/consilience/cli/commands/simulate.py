@@ -62,6 +62,7 @@ def simulate(
     """Simulate one case by one method of an engine at its finest level, and write the observables."""
     from consilience.case import load_case
     from consilience.cli.terminal import state
+    from consilience.report.contact_values import open_in_words
     from consilience.report.statement import Statement
     from consilience.report.trajectory_files import check_target, export_trajectory
     from consilience.suite import simulate_case
@@ -81,7 +82,9 @@ def simulate(
     data = {"case": chosen.name, "engine": name, "how": how, "samples": len(answer.time), "file": str(output)}
     data |= {"plots": [str(target) for target in plots]} if plots else {}
     told = f"{chosen.name} on {name} ({how}): {len(answer.time)} samples in {output}"
-    state(Statement([told, *(f"plot: {target}" for target in plots)], [], data), form)
+    undetermined = open_in_words(chosen.mechanism, answer)
+    data |= {"open": undetermined} if undetermined else {}
+    state(Statement([told, *undetermined, *(f"plot: {target}" for target in plots)], [], data), form)
 
 
 def _write_plots(
