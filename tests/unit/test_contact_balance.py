@@ -18,9 +18,9 @@ from consilience.mechanism import (
     State,
     quaternion_from_rotation,
 )
-from consilience.mechanism.observables import angular_momentum, linear_momentum
+from consilience.mechanism.observables import angular_momentum, kinetic_energy, linear_momentum, potential_energy
 from consilience.reference.contact import contact_instant, simulate_with_contacts
-from contact_problems import FEET, G, Lab, turned
+from contact_problems import BALL, FEET, LEVEL, G, Lab, turned
 
 SPRING = Compliance(800.0, 3.0)
 
@@ -91,3 +91,23 @@ def test_an_impact_of_the_first_instant_is_an_event():
     )
     assert [(event.kind, event.name) for event in events] == [("impact", "contact 'ball'")] * 2
     np.testing.assert_allclose(motion.event_time, [0.0, back], atol=1e-12)
+
+
+@pytest.mark.parametrize(("rebound", "friction", "end"), [(0.5, 0.0, 1.7), (0.3, 0.2, 1.5)])
+def test_bounces_in_a_groove_lose_what_contacts_lose_and_nothing_by_snapping_shut(rebound, friction, end):
+    """Energy and losses add up to that of the start: of 6 J, the last low flights must not lose 1e-9 J unseen."""
+    lab, angles = Lab(), np.radians([35.0, -50.0])
+    walls = [
+        SpherePlane(
+            f"wall {k}", "body", lab.com, 0.1, GROUND, lab.origin, lab.axes @ [np.sin(a), 0.0, np.cos(a)],
+            restitution=rebound, friction=friction,
+        )
+        for k, a in enumerate(angles)
+    ]  # fmt: skip
+    mechanism = lab.free_body(2.0, BALL, LEVEL, walls)
+    start = lab.state((0.0, 0.0, 0.3), (0.3, 0.2, 0.0))
+    answer, _ = simulate_with_contacts(mechanism, start, np.linspace(0.0, end, 31), 1e-12)
+    states = [answer.state(k) for k in range(31)]
+    total = [kinetic_energy(mechanism, s) + potential_energy(mechanism, s) for s in states] + answer.contact_loss
+    assert np.max(np.abs(total - total[0])) < 1e-11
+    assert answer.contact_loss[-1] > 3.0

@@ -206,16 +206,19 @@ class ContactSimulation:
         rate = float(rates[1, w])
         if not np.isfinite(rate):
             rate = float((values[2, w] - values[0, w]) / (ahead - behind))
+        before, least = t, np.inf
         for _ in range(4):
             if not self.stepper.go_back_to(t, self._ends_early):
                 return False
             value = self.functions.now(w, self.stepper)
+            if self.functions.watches[w].kind == "gap" and abs(value) > 2.0 * least:  # as where the gap turns
+                return self.stepper.go_back_to(before, self._ends_early)
             if rate >= 0.0 or abs(value) <= 1e-16 * self.functions.watches[w].scale:
                 break
             better = t - value / rate
             if abs(better - t) <= 4e-16 * max(1.0, abs(t)) or not behind <= better <= ahead:
                 break  # found, or where the function turns, without having risen by more than rounding
-            t = better
+            before, least, t = t, abs(value), better
         return True
 
     # ------------------------------------------------------------------------------------------------------ events
