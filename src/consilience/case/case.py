@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib import import_module
@@ -65,6 +65,8 @@ class Case:
         Name of the case on the command line if that is not `name`: a path, or a member of a family.
     file_digest : str
         Digest of what its file asks; empty for a case without a file (`digest` is that of all cases).
+    lines : mapping of str to int
+        Lines of the file by what messages name there, as ``contact 'floor'``.
     duration, sample : float, s
         Span of the trajectory and its uniform sampling interval.
     digits : int
@@ -93,6 +95,7 @@ class Case:
     group: str = ""
     call: str = ""
     file_digest: str = ""
+    lines: Mapping[str, int] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         require_states(self.mechanism, ())
@@ -146,8 +149,13 @@ class Case:
             refuse_flat_discs(self.mechanism, state)
             refuse_overlap(self.mechanism, state)
         except InvalidInput as error:
-            raise type(error)(f"{self.file}: {error.where}", error.what, error.remedy) from None
+            raise type(error)(f"{self._place(error.where)}: {error.where}", error.what, error.remedy) from None
         return state
+
+    def _place(self, where: str) -> str:
+        """Return the file, with the line of what a message names first."""
+        named = next((line for name, line in self.lines.items() if where.startswith(name)), None)
+        return self.file if named is None else f"{self.file}:{named}"
 
     @cached_property
     def unassembled(self) -> str:

@@ -60,6 +60,17 @@ def line_of(where: str, raw: Mapping[str, Any], lines: Mapping[Path, int]) -> in
     return None
 
 
+def lines_by_name(raw: Mapping[str, Any], lines: Mapping[Path, int]) -> dict[str, int]:
+    """Return the lines of all tables that have a name, by the names of messages, such as ``contact 'floor'``."""
+    words = {table: kind for kind, tables in _TABLES.items() for table in tables}
+    return {
+        f"{words.get(table, table.replace('_', ' '))} '{entry['name']}'": lines[table, n]
+        for table, entries in raw.items()
+        for n, entry in enumerate(entries if isinstance(entries, list) else ())
+        if isinstance(entry, dict) and "name" in entry and (table, n) in lines
+    }
+
+
 def _paths(where: str, raw: Mapping[str, Any]) -> Iterator[Path]:
     """List the paths that a place may stand for: an entry of a list of tables is named by its field `name`."""
     kind, _, rest = where.partition(" '")

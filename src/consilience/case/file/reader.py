@@ -18,6 +18,7 @@ from consilience.case.bounded_reading import bounded_text, toml_tables
 from consilience.case.case import Case
 from consilience.case.file.digest import case_digest
 from consilience.case.file.elements import drawn, elements
+from consilience.case.file.lines import field_lines, lines_by_name
 from consilience.case.file.problems import checked_table, gathered, located
 from consilience.case.file.schema import (
     BodyGuess,
@@ -85,7 +86,11 @@ def cases_from_tables(name: str, file: str, raw: Mapping[str, Any], text: str = 
     if problems or table is None:
         raise located(file, problems, raw, text) from None
     variants = table.variants or [""]
-    return [replace(case, file_digest=case_digest(raw, name)) for case, name in zip(cases, variants, strict=True)]
+    lines = lines_by_name(raw, field_lines(text))
+    return [
+        replace(case, file_digest=case_digest(raw, name), lines=lines)
+        for case, name in zip(cases, variants, strict=True)
+    ]
 
 
 def _names(raw: Mapping[str, Any]) -> set[str]:

@@ -45,7 +45,7 @@ def refuse_inconsistent(mechanism: Mechanism, model: Model, found: Array, t: flo
     raise InvalidInput(
         f"state of mechanism '{mechanism.name}'",
         f"at t = {t:g} s {_row_name(mechanism, model, int(row))} {what} by {size:.3g}",
-        "Give a consistent state (consilience.initial_state), or let it be assembled: assemble=True.",
+        "Give a consistent state: consilience.initial_state, or `simulate` with assemble=True, assembles one.",
     )
 
 

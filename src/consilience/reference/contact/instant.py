@@ -21,12 +21,15 @@ from consilience.mechanism import (
     require_states,
     telling_si,
 )
+from consilience.reference.bodies.arrays import pack
 from consilience.reference.bodies.canonical import at_origins, joint_wrenches
+from consilience.reference.bodies.consistency import check_given
 from consilience.reference.contact.equations import ContactEquations
 from consilience.reference.contact.lasting import LastingContact, decide_lasting, require_unique, sliding_rates
 from consilience.reference.contact.layout import layout_of
 from consilience.reference.contact.response import Response
 from consilience.reference.contact.row_modes import open_modes
+from consilience.reference.contact.self_check import refuse_overlap
 from consilience.reference.contact.speeds import fastest, speed_from_rest
 from consilience.reference.contact.stepper import Stepper
 
@@ -50,18 +53,20 @@ def contact_instant(mechanism: Mechanism, states: Sequence[State], t: float = 0.
     Raises
     ------
     InvalidInput
-        A disc that is parallel to its plane.
+        A state that is not consistent, shapes that overlap, or a disc that is parallel to its plane.
     NumericalFailure
         A closed contact approaches: an impact has no accelerations; or the laws of contact have no solution or several.
     """
     require_states(mechanism, states)
+    layout = layout_of(mechanism)
     for state in states:
+        check_given(layout.smooth, layout.model, np.array([t]), pack(layout.smooth, state))
         refuse_flat_discs(mechanism, state)
     units = own_units(mechanism)
     own, there = kept_in_units(mechanism, units), [units.convert(state) for state in states]
     equations = ContactEquations(layout_of(own))
     with telling_si(units):
-        answers = [_at(equations, own, state, t) for state in there]
+        answers = [_at(equations, own, state, t, units.length) for state in there]
     a, alpha, reactions, forces = (np.array(part) for part in zip(*answers, strict=True))
     return units.inverse.convert(
         InstantAnswer(
@@ -76,11 +81,16 @@ def contact_instant(mechanism: Mechanism, states: Sequence[State], t: float = 0.
     )
 
 
-def _at(equations: ContactEquations, mechanism: Mechanism, state: State, t: float) -> tuple[Array, Array, Array, Array]:
-    """Return a_WB_W, alpha_WB_W, joint reactions (n_j, 6) and contact forces (n_c, 3)."""
+def _at(
+    equations: ContactEquations, mechanism: Mechanism, state: State, t: float, metre: float
+) -> tuple[Array, Array, Array, Array]:
+    """Return a_WB_W, alpha_WB_W, joint reactions (n_j, 6) and contact forces (n_c, 3).
+
+    A metre has this many units of length, for messages.
+    """
     layout = equations.layout
     stepper = Stepper(equations, state, t, 1e-12, open_modes(layout))
-    equations.move(t, stepper.y, stepper.turns)
+    refuse_overlap(equations, (t, stepper.y, stepper.turns), CLOSED * characteristic_length(mechanism), metre)
     equations.press(CLOSED * characteristic_length(mechanism))
     response = stepper.respond(t, stepper.y)
     found = _touching(equations, response, stepper.y, characteristic_length(mechanism), t)

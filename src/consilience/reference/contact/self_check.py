@@ -145,7 +145,7 @@ def _require(law: Violations, k: int, time: float) -> None:
 
 
 def refuse_overlap(equations: ContactEquations, at: tuple[float, Array, Array], least: float, metre: float) -> None:
-    """Refuse a start at which shapes overlap, or a joint is beyond a stop, by more than `least`, in units of length.
+    """Refuse a state at which shapes overlap, or a joint is beyond a stop, by more than `least`, in units of length.
 
     `metre` is how many of these make a metre, in which the message counts.
 
@@ -162,12 +162,12 @@ def refuse_overlap(equations: ContactEquations, at: tuple[float, Array, Array], 
     if k is None:
         turns = layout.model.coordinate["kind"][layout.limits["coordinate"][layout.gaps[worst] - len(layout.parts)]]
         beyond = f"{overlap:.6g} rad" if turns == ANGLE else f"{overlap / metre:.6g} m"
-        raise InvalidInput(name, f"the joint is {beyond} beyond it at the start", "Start within it.")
+        raise InvalidInput(name, f"the joint is {beyond} beyond it", "Give a state within it.")
     part = layout.parts[k]
     raise InvalidInput(
         name,
-        f"'{part.body}' and '{part.partner}' overlap by {overlap / metre:.6g} m at the start",
-        "Start with the shapes apart, or just touching.",
+        f"'{part.body}' and '{part.partner}' overlap by {overlap / metre:.6g} m",
+        "Give a state with the shapes apart, or just touching.",
     )
 
 
