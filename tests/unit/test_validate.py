@@ -117,6 +117,7 @@ DOUBTS = {
         "joint_spring": [],
         "gravity": [0.0, 0.0, -98.6],
     },  # sqrt(98.6 / sqrt(0.1 / 2)) = 21 rad/s
+    "the duration of 1e+06 s has 2e+08 rad of the fastest motion": {"trajectory": {"duration": 1e6, "sample": 1e5}},
     "has hardly begun": {"trajectory": {"duration": 1e-3, "sample": 1e-4}},
     "contact 'floor' is wedged: it is closed at the start": {
         "contact": [FLOOR | {"point": [0.0, -0.2, 0.0], "normal": [0.0, 1.0, 0.0]}]

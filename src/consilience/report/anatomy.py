@@ -43,6 +43,9 @@ COMPONENTS = ("force x", "force y", "force z", "torque x", "torque y", "torque z
 FAST = 1.0
 """Largest phase of the fastest motion in one sample, rad, that engines with a few steps per sample can follow."""
 
+ENDLESS = 1e7
+"""Angle of the fastest motion, rad, from which a duration is told as long: at a few steps in each, minutes to hours."""
+
 
 @dataclass(frozen=True)
 class Anatomy:
@@ -219,6 +222,12 @@ def warnings(case: Case) -> list[str]:
         found.append(
             f"the sample of {case.sample:g} s is long against the fastest motion, {frequency:.3g} rad/s from {why}: "
             f"engines step a fraction of the sample; choose {_rounded_down(FAST / frequency):g} s or less"
+        )
+    if frequency * case.duration > ENDLESS:
+        found.append(
+            f"the duration of {case.duration:g} s has {frequency * case.duration:.0e} rad of the fastest motion, "
+            f"{frequency:.3g} rad/s from {why}: unless it comes to rest, runs may reach their limit of time; choose "
+            f"{_rounded_down(ENDLESS / frequency):g} s or less"
         )
     found += _edges(case)
     travelled = np.max(np.linalg.norm(case.initial_state.v_WB_W, axis=1), initial=0.0) / characteristic_length(
