@@ -5,8 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import fsolve
 
 import consilience as cs
+from consilience.errors import NumericalFailure
 from consilience.mechanism import (
     GROUND,
     Body,
@@ -87,6 +89,64 @@ def test_feet_that_hit_between_samples_leave_their_shares_open_and_their_sum_tol
     assert [bool(at.any()) for at in found.contacts] == [False, False, True]
     (line,) = open_in_words(mechanism, motion)
     assert line.startswith("open at some samples: contact_impulse of foot 0, foot 1, foot 2 (")
+
+
+CORNERS, SPIN = np.array([(x, y, -0.1) for x in (-0.2, 0.2) for y in (-0.2, 0.2)]), 10.0
+SIGNS = np.array([1.0, -1.0, -1.0, 1.0])  # shares of the corners that have no sum and no moment
+MOMENTS, FALL = np.array([0.05, 0.05, 0.08]), 1.0
+
+
+def _after(N, v, rebound):
+    """Velocity and spin of the box after normal impulses N, with friction against the slip after the impact."""
+
+    def balance(z):
+        slip = (z[:3] + np.cross(z[3:], CORNERS)) * [1.0, 1.0, 0.0]
+        P = N[:, None] * ([0.0, 0.0, 1.0] - MU * slip / np.linalg.norm(slip, axis=1)[:, None])
+        return np.r_[MASS * (z[:3] - v) - P.sum(axis=0), MOMENTS * (z[3:] - [0, 0, SPIN]) - np.cross(CORNERS, P).sum(0)]
+
+    return fsolve(balance, [v[0], v[1], rebound * FALL, 0.0, 0.0, 0.8 * SPIN], xtol=1e-12)
+
+
+def _of_share(share, v, rebound):
+    """Velocities after an impact in which all corners rebound, where each carries `share` more or less than others."""
+
+    def normals(q):
+        return q[0] + q[1] * np.sign(CORNERS[:, 0]) + q[2] * np.sign(CORNERS[:, 1]) + share * SIGNS
+
+    def off(q):
+        z = _after(normals(q), v, rebound)
+        return [z[2] - rebound * FALL, z[3], z[4]]
+
+    q = fsolve(off, [(1.0 + rebound) * MASS * FALL / 4.0, 0.0, 0.0], xtol=1e-11)
+    assert np.max(np.abs(off(q))) < 1e-9
+    assert np.min(normals(q)) > 0.0
+    return _after(normals(q), v, rebound)
+
+
+@pytest.mark.parametrize("rebound", [0.0, 0.5])
+def test_a_box_that_lands_on_four_corners_while_it_turns_and_slides_is_refused(rebound):
+    """Shares that no law tells lead to other velocities: two of them, solved apart, satisfy all laws."""
+    feet, thrown = LAB.points(CORNERS, friction=MU, restitution=rebound), np.array([0.5, 0.2, -FALL])
+    box = LAB.free_body(MASS, MOMENTS, LEVEL, feet)
+    even, uneven = (_of_share(share, thrown, rebound) for share in (0.0, 0.1))
+    assert np.max(np.abs(even - uneven)) > 1e-3
+    told = "impact of foot 0, foot 1, foot 2, foot 3 at t = 0 s: the laws of .* allow several .* velocities afterwards"
+    with pytest.raises(NumericalFailure, match=told):
+        cs.simulate(box, LAB.state((0, 0, 0.1), thrown, (0, 0, SPIN)), np.array([0.0, 1e-3]))
+
+
+@pytest.mark.parametrize("spin", [0.0, SPIN])
+def test_a_box_that_lands_while_it_slides_or_turns_alone_is_answered(spin):
+    """Slip has one direction, or is across the arms: shares without sum and moment change nothing."""
+    rebound, slide, reach = 0.5, 2.0 * (spin == 0.0), 0.2 * np.sqrt(2.0)
+    feet = LAB.points(CORNERS, friction=0.3, restitution=rebound)
+    box = LAB.free_body(MASS, MOMENTS, LEVEL, feet)
+    motion = cs.simulate(box, LAB.state((0, 0, 0.1), (slide, 0.0, -FALL), (0, 0, spin)), np.array([0.0, 1e-3]))
+    _, v, w = LAB.centre(motion)
+    impulse = 0.3 * (1.0 + rebound) * MASS * FALL
+    braked = slide - impulse / MASS if slide else 0.0
+    assert v == pytest.approx([braked, 0.0, rebound * FALL - 1e-3 * G], abs=1e-9)
+    assert w == pytest.approx([0.0, 0.0, spin - impulse * reach / MOMENTS[2] if spin else 0.0], abs=1e-9)
 
 
 def test_friction_about_the_normal_shares_a_torque_with_friction_across():

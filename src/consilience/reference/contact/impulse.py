@@ -40,6 +40,13 @@ _OPEN = 1e-9
 JAMMED = "friction jams (Painleve) under the rebound that restitution asks for; without rebound it does not"
 
 
+_HELD = frozenset(("sticking", "starting", "halted"))
+"""Modes in which the velocity along the contact is held."""
+
+_PUSHES, _MOVES = 1e-9, 1e-7
+"""Least impulse, over the largest, of a contact that pushes, and least velocity, scaled, that other shares change."""
+
+
 @dataclass(frozen=True, eq=False)
 class ImpulseSolution:
     """Impulses at one instant.
@@ -158,7 +165,35 @@ def _newton(problem: ContactProblem, restitution: Array, at_rest: float, time: f
     )
     modes, p, _ = solve_modes(law, time, _modes_by_moreau(problem, restitution))
     impulse = place.T @ p.ravel()
-    return ImpulseSolution(impulse, problem.acceleration(impulse), modes, None)
+    unique = False if _leaves_open(problem, impulse, modes) else None
+    return ImpulseSolution(impulse, problem.acceleration(impulse), modes, unique)
+
+
+def _leaves_open(problem: ContactProblem, impulse: Array, modes: tuple[str, ...]) -> bool:
+    """Return whether the contacts that push may share their impulse otherwise, with other velocities after it.
+
+    Each impulse then changes along itself where a contact slides, and freely where it sticks; what the laws hold stays.
+    """
+    scale, friction = problem.row_scale(), {f.load: list(f.rows) for f in problem.friction}
+    least = _PUSHES * float(np.max(impulse[list(problem.normals)]))
+    every, columns, held = np.eye(len(impulse)), list[Array](), list[int]()
+    for row, mode in zip(problem.normals, modes, strict=True):
+        if impulse[row] <= least:
+            continue
+        tangents = friction.get(row, [])
+        if mode in _HELD:
+            columns += [every[row], *every[tangents]]
+            held += [row, *tangents]
+        else:
+            columns.append(every[[row, *tangents]].T @ impulse[[row, *tangents]] / impulse[row])
+            held.append(row)
+    if len(held) < 2:
+        return False
+    answers = problem.delassus @ np.array(columns).T / scale[:, None]
+    answers /= np.max(np.abs(answers))
+    _, singular, Vt = np.linalg.svd(answers[held])
+    free = Vt[int(np.sum(singular > RANK * singular[0])) :]
+    return bool(np.max(np.abs(answers @ free.T), initial=0.0) > _MOVES)
 
 
 def _modes_by_moreau(problem: ContactProblem, restitution: Array) -> Iterator[tuple[str, ...]]:
