@@ -283,8 +283,8 @@ def apply_impact(
     if found.unique is False:
         raise NumericalFailure(
             f"impact of {', '.join(_names(layout, normals))} at t = {stepper.t:.12g} s: the laws of contact and "
-            "friction allow several accelerations, here velocities afterwards, as where contacts share an impulse and slide in "
-            "different directions: the motion is not unique from here on"
+            "friction allow several accelerations, here velocities afterwards, as where contacts share an impulse and "
+            "slide in different directions: the motion is not unique from here on"
         )
     force = np.zeros(len(layout.names))
     force[at] = found.impulse
