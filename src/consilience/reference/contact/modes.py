@@ -262,8 +262,9 @@ def solve_modes(
         told = MOREAU
     raise NumericalFailure(
         f"impact at t = {time:.12g} s: no combination of sliding, sticking and released contacts is admissible "
-        f"for {', '.join(law.names)}: the bodies are wedged or driven together, or restitution asks for what "
-        f"the joints forbid{told}"
+        f"for {', '.join(law.names)}: the bodies are wedged, or driven together with nothing that gives way, and no "
+        f"rigid motion goes on from here (with a compliance in one of the contacts it does), or restitution asks for "
+        f"what the joints forbid{told}"
     )
 
 
