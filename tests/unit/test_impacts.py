@@ -586,7 +586,9 @@ def test_overlap_at_the_start_is_refused_with_its_depth():
 
 def test_body_that_cannot_give_way_is_refused_as_wedged():
     post = Mechanism("m", ZERO, (ball("a"),), (Joint("j", "rigid", GROUND, "a", AT_HOME, AT_HOME),))
-    with pytest.raises(NumericalFailure, match=r"t = 3 s: no combination .* is admissible for .* wedged, .* a compliance"):
+    with pytest.raises(
+        NumericalFailure, match=r"t = 3 s: no combination .* is admissible for .* wedged, .* a compliance"
+    ):
         solve_impact(post, moving([[0, 0, 0.1]], [-Z]), (floor("a", 0.5),), time=3.0)
 
 
