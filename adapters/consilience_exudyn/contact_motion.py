@@ -17,7 +17,7 @@ stiffness. Below its zone friction is stiff, beyond N the method unstable: the m
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -25,7 +25,6 @@ import numpy as np
 
 from consilience.engine import CannotRepresent, TrajectoryAnswer, require_stable, steps_per_sample
 from consilience.mechanism import (
-    GROUND,
     TOUCHING,
     Array,
     Mechanism,
@@ -36,16 +35,15 @@ from consilience.mechanism import (
     mass_matrix,
     null_space,
     quaternion_from_rotation,
-    rotation_vector_from_quaternion,
 )
 from consilience_exudyn.contact_instant import AT_REST, contact_accelerations
 from consilience_exudyn.contact_rows import TouchRow, contact_row, coordinate_row
 from consilience_exudyn.contact_samples import room_ahead, with_contacts
 from consilience_exudyn.contacts import Penalty, add_contact, add_dry_friction, add_limit, limits_of, parts_of
-from consilience_exudyn.forces import add_springs_and_loads
+from consilience_exudyn.free_bodies import KEEP, add_free_bodies
 from consilience_exudyn.kinematic_tree import Coordinates, build_tree, is_one_axis_tree
 from consilience_exudyn.library import CONTACT_SETTINGS, exu, items
-from consilience_exudyn.maximal import build, inertia_vector
+from consilience_exudyn.maximal import build
 from consilience_exudyn.terms import Terms
 from consilience_exudyn.trajectory import Integration, solve, stored
 
@@ -90,7 +88,6 @@ _CLEAR = 1e-12
 _DEEP = 4.0
 """Radius of a point's sphere over the overlap under the bound of the normal force."""
 
-_KEEP = {"storeInternal": True, "writeToFile": False}
 _RUNGE_KUTTA = Integration("RK44", CONTACT_SETTINGS)
 
 
@@ -292,7 +289,7 @@ def _assemble(mechanism: Mechanism, state: State, at: _Step, penalties: Sequence
             _add_joint_elements(system, mechanism, state, at, coordinates)
         sensors.extend(
             system.AddSensor(
-                items.SensorObject(objectNumber=index, outputVariableType=exu.OutputVariableType.Force, **_KEEP)
+                items.SensorObject(objectNumber=index, outputVariableType=exu.OutputVariableType.Force, **KEEP)
             )
             for index in objects
         )
@@ -303,8 +300,8 @@ def _assemble(mechanism: Mechanism, state: State, at: _Step, penalties: Sequence
         return _Run(tree.container, tree.system, tree.sensors, tree.R_LB, sensors)
     container = exu.SystemContainer()
     system = container.AddSystem()
-    bodies = _free_bodies(system, mechanism, state, touching)
-    return _Run(container, system, bodies, np.array([np.eye(3)] * len(bodies)), sensors)
+    bodies, R_NB = add_free_bodies(system, mechanism, state, touching)
+    return _Run(container, system, bodies, R_NB, sensors)
 
 
 def _add_joint_elements(system: Any, mechanism: Mechanism, state: State, at: _Step, coordinates: Coordinates) -> None:
@@ -325,57 +322,6 @@ def _add_joint_elements(system: Any, mechanism: Mechanism, state: State, at: _St
         bound = float(dry.bound or 0.0)
         zone = at.step * inertia(dry.joint, dry.coordinate) * bound / _REVERSES
         add_dry_friction(system, bound, zone, ends)
-
-
-def _free_bodies(system: Any, mechanism: Mechanism, state: State, touching: Callable[..., None]) -> list[list[Any]]:
-    """Assemble bodies with rotation vectors about their centres of mass, with the sensors of each."""
-    ground = system.AddObject(items.ObjectGround())
-    indices = [_free_body(system, mechanism, state, n) for n in range(len(mechanism.bodies))]
-
-    def mark(name: str, p: Array, R: Array) -> Any:
-        """Add a marker at a frame of a body or of the ground."""
-        index, at = ground, p
-        if name != GROUND:
-            n = mechanism.body_index[name]
-            index, at = indices[n], p - mechanism.bodies[n].com
-        return system.AddMarker(items.MarkerBodyRigid(bodyNumber=index, localHT=exu.HT(rotation=R, translation=at)))
-
-    add_springs_and_loads(system, mechanism, mark)
-    touching(system, mark, None)
-    sensors = [
-        [
-            system.AddSensor(
-                items.SensorBody(
-                    bodyNumber=index,
-                    localPosition=list(-body.com),
-                    outputVariableType=getattr(exu.OutputVariableType, name),
-                    **_KEEP,
-                )
-            )
-            for name in ("Position", "RotationMatrix", "Velocity", "AngularVelocity")
-        ]
-        for index, body in zip(indices, mechanism.bodies, strict=True)
-    ]
-    system.Assemble()
-    return sensors
-
-
-def _free_body(system: Any, mechanism: Mechanism, state: State, n: int) -> Any:
-    """Add a body at its pose, with gravity."""
-    body, R = mechanism.bodies[n], state.R_WB[n]
-    arm, w = R @ body.com, state.w_WB_W[n]
-    node = system.AddNode(
-        items.NodeRigidBodyRotVecLG(
-            referenceCoordinates=[*(state.p_WB[n] + arm), *rotation_vector_from_quaternion(state.quat_WB[n])],
-            initialVelocities=[*(state.v_WB_W[n] + np.cross(w, arm)), *(R.T @ w)],
-        )
-    )
-    index = system.AddObject(
-        items.ObjectRigidBody(mass=body.mass, inertia=inertia_vector(body.inertia), nodeNumber=node)
-    )
-    marker = system.AddMarker(items.MarkerBodyMass(bodyNumber=index))
-    system.AddLoad(items.LoadMassProportional(markerNumber=marker, loadVector=list(mechanism.gravity)))
-    return index
 
 
 def _integrate(mechanism: Mechanism, run: _Run, times: Array, step: float) -> tuple[TrajectoryAnswer, Array]:
