@@ -88,6 +88,11 @@ _CLEAR = 1e-12
 _DEEP = 4.0
 """Radius of a point's sphere over the overlap under the bound of the normal force."""
 
+_ROUND = 0.1
+"""Radius of a point's sphere beyond that, over the step, m/s: the normal is as certain as the place of the plane is over
+the radius, so that the rounding of places would turn the forces on spheres whose radius falls with the square of the step.
+"""
+
 _RUNGE_KUTTA = Integration("RK44", CONTACT_SETTINGS)
 
 
@@ -157,7 +162,7 @@ class _Seen:
             stiffness, damping = at.rigid / self.A, DAMPING * np.sqrt(at.rigid) / self.A
         zone = at.step * self.G * part.friction * bound
         overlap = self.normal / stiffness or -_CLEAR
-        deep = _DEEP * max(overlap, bound / stiffness, 1e-9)
+        deep = _DEEP * max(overlap, bound / stiffness) + _ROUND * at.step
         return Penalty(stiffness, damping, max(zone, 1e-12), overlap, deep, at.room, part.restitution)
 
 
