@@ -140,6 +140,9 @@ class _Seen:
         Normal force at the start.
     speed : float, m/s
         Bound of the closing speed of the first impact; zero for a closed contact without restitution.
+    load : float, N
+        Normal force that a contact which opens may have before; zero for others. Its bound does not follow the step, so
+        that its zone does.
     """
 
     row: TouchRow
@@ -147,10 +150,11 @@ class _Seen:
     G: float
     normal: float
     speed: float
+    load: float
 
     def bound(self, at: _Step) -> float:
         """Return the first bound of the normal force."""
-        return max(self.normal, self.speed * np.sqrt(at.stiffness) / self.A)
+        return self.load or max(self.normal, self.speed * np.sqrt(at.stiffness) / self.A)
 
     def penalty(self, at: _Step, bound: float) -> Penalty:
         """Return the numbers of the contact object for a bound of the normal force."""
@@ -259,7 +263,8 @@ def _contacts_at_start(mechanism: Mechanism, state: State) -> list[_Seen]:
     for row, a, g, normal, open_ in zip(rows, A, G, forces, opens, strict=True):
         hits = row.gap > slack or row.part.restitution > 0.0 or open_
         speed = float(np.linalg.norm(row.u) + np.sqrt(2.0 * pull * max(row.gap, 0.0))) if hits else 0.0
-        found.append(_Seen(row, float(a), g, normal, max(speed, 1e-3) if hits else 0.0))
+        load = max(forces) if open_ and row.gap <= slack and row.part.restitution == 0.0 else 0.0
+        found.append(_Seen(row, float(a), g, normal, max(speed, 1e-3) if hits else 0.0, load))
     return found
 
 

@@ -1,0 +1,35 @@
+"""Steps of Exudyn's motions with contacts: what the numbers of contacts make of errors as the step vanishes."""
+
+import numpy as np
+import pytest
+
+from consilience import simulate
+from consilience.case import load_case
+from contact_problems import FEET, G, Lab, incline
+
+pytest.importorskip("exudyn")
+
+from consilience_exudyn.contact_motion import contact_motion
+
+LAB = Lab()
+
+
+def test_a_box_that_tips_errs_in_proportion_to_the_step():
+    """Two corners open at once: the bound of their force, and so their zone of friction, is that of the others."""
+    case = load_case("box_tips")
+    reference = simulate(case)
+    errors = []
+    for step in (1e-4, 5e-5, 2.5e-5):
+        answer = contact_motion(case.mechanism, case.initial_state, case.times, step)
+        errors.append(np.linalg.norm(answer.p_WB[-1] - reference.p_WB[-1]))
+    np.testing.assert_allclose([errors[0] / errors[1], errors[1] / errors[2]], 2.0, atol=0.05)
+
+
+def test_rounding_does_not_turn_the_forces_of_points():
+    """Feet that slide down an incline at 20 degrees, s = v t + (sin - mu cos) g t^2 / 2, by small steps."""
+    mu, angle, times = 0.2, np.radians(20.0), np.linspace(0.0, 0.5, 3)
+    mechanism = LAB.free_body(2.0, (0.02, 0.02, 0.04), incline(20.0), LAB.points(FEET, friction=mu))
+    start = LAB.state((0.0, 0.0, -FEET[0][2]), (1.0, 0.0, 0.0))
+    p, _, _ = LAB.centre(contact_motion(mechanism, start, times, 1e-5))
+    s = 0.5 + 0.125 * G * (np.sin(angle) - mu * np.cos(angle))
+    assert np.linalg.norm(p - [s, 0.0, -FEET[0][2]]) < 4e-9
