@@ -89,8 +89,8 @@ _DEEP = 4.0
 """Radius of a point's sphere over the overlap under the bound of the normal force."""
 
 _ROUND = 0.1
-"""Radius of a point's sphere beyond that, over the step, m/s: the normal is as certain as the place of the plane is over
-the radius, so that the rounding of places would turn the forces on spheres whose radius falls with the square of the step.
+"""Radius of a point's sphere beyond that, over the step, m/s: normals have the rounding of places over the radius, which
+would grow with the inverse square of the step.
 """
 
 _RUNGE_KUTTA = Integration("RK44", CONTACT_SETTINGS)
