@@ -53,6 +53,8 @@ def _settings(mechanism: Mechanism, hits: str, closed: str) -> dict[str, Any]:
     found: dict[str, Any] = {**CONTACT_SETTINGS, "solution.sensors.writePeriod": "the step"}
     if mechanism.contacts or mechanism.stops:
         found["contactStiffness"] = f"{hits} for what hits; else {closed}, A the inverse inertia"
+        if any(not stop.restitution for stop in mechanism.stops):
+            found["contactStiffness"] += f"; {RESOLVED**2:g}/(h^2 A) of stops without restitution"
         found["contactDamping"] = f"{OVERDAMPED:g} roots of stiffness over A for what hits; else {DAMPING:g}"
         found["impactModel"] = "2 with restitution"
     if mechanism.contacts or mechanism.dry_frictions:

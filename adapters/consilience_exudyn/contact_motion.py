@@ -7,7 +7,8 @@ inertia A that a contact sees together with all others:
 =======================  ======================================================================================
 closed, no restitution   stiffness ``1 / (h^2 A)`` in motions that are extrapolated, else ``50 / (h s A)``, s the
                          sample interval, for overlaps in proportion to h; damping 0.8 roots of the stiffness over A
-others                   stiffness `BOUNCE`, extrapolated ``(RESOLVED/h)^2``, over A; damping `OVERDAMPED` if e = 0
+others                   stiffness `BOUNCE`, extrapolated or of stops with e = 0 ``(RESOLVED/h)^2``, over A;
+                         damping `OVERDAMPED` if e = 0
 friction                 zone ``h mu N G``, G the tangential inverse inertia, N a bound of the normal force
 =======================  ======================================================================================
 
@@ -89,8 +90,8 @@ _DEEP = 4.0
 """Radius of a point's sphere over the overlap under the bound of the normal force."""
 
 _ROUND = 0.1
-"""Radius of a point's sphere beyond that, over the step, m/s: normals have the rounding of places over the radius, which
-would grow with the inverse square of the step.
+"""Radius of a point's sphere beyond that, over the step, m/s: normals have the rounding of places over the radius,
+which would grow with the inverse square of the step.
 """
 
 _RUNGE_KUTTA = Integration("RK44", CONTACT_SETTINGS)
@@ -117,14 +118,18 @@ class _Step:
     room: float
 
     @property
-    def stiffness(self) -> float:
-        """Stiffness of contacts that hit, over the inertia, 1/s^2."""
-        return min(BOUNCE / self.softness**2 if self.softness else np.inf, (RESOLVED / self.step) ** 2)
+    def hardest(self) -> float:
+        """Stiffness of stops without restitution, which have no friction, over the inertia, 1/s^2."""
+        return (RESOLVED / self.step) ** 2
 
     @property
-    def damping(self) -> float:
-        """Damping of contacts that hit without restitution, over the inertia, 1/s."""
-        return min(OVERDAMPED * self.stiffness**0.5, _RATE / self.step)
+    def stiffness(self) -> float:
+        """Stiffness of contacts that hit, and of stops with restitution, over the inertia, 1/s^2."""
+        return min(BOUNCE / self.softness**2 if self.softness else np.inf, self.hardest)
+
+    def damping(self, stiffness: float) -> float:
+        """Return the damping of what hits without restitution, over the inertia, 1/s."""
+        return min(OVERDAMPED * stiffness**0.5, _RATE / self.step)
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,7 +166,7 @@ class _Seen:
         part = self.row.part
         if self.speed > 0.0:
             stiffness = at.stiffness / self.A
-            damping = 0.0 if part.restitution else at.damping / self.A
+            damping = 0.0 if part.restitution else at.damping(at.stiffness) / self.A
         else:
             stiffness, damping = at.rigid / self.A, DAMPING * np.sqrt(at.rigid) / self.A
         zone = at.step * self.G * part.friction * bound
@@ -324,9 +329,9 @@ def _add_joint_elements(system: Any, mechanism: Mechanism, state: State, at: _St
 
     for limit in limits_of(mechanism):
         A = inertia(limit.joint, limit.coordinate)
-        damping = 0.0 if limit.restitution else at.damping / A
+        stiffness, damping = (at.stiffness, 0.0) if limit.restitution else (at.hardest, at.damping(at.hardest))
         ends, sign = coordinates(limit.joint, limit.coordinate)
-        add_limit(system, Penalty(at.stiffness / A, damping, 0.0), ends, sign, limit)
+        add_limit(system, Penalty(stiffness / A, damping / A, 0.0), ends, sign, limit)
     for dry in mechanism.dry_frictions:
         ends, _ = coordinates(dry.joint, dry.coordinate)
         bound = float(dry.bound or 0.0)

@@ -33,3 +33,11 @@ def test_rounding_does_not_turn_the_forces_of_points():
     p, _, _ = LAB.centre(contact_motion(mechanism, start, times, 1e-5))
     s = 0.5 + 0.125 * G * (np.sin(angle) - mu * np.cos(angle))
     assert np.linalg.norm(p - [s, 0.0, -FEET[0][2]]) < 4e-9
+
+
+def test_a_stop_without_rebound_catches_within_steps():
+    """A wheel that starts half a radian before the stop has turned by that from the first sample after the impact on."""
+    case = load_case("wheel_caught_by_stop")
+    answer = contact_motion(case.mechanism, case.initial_state, case.times, 2.5e-5, 1.0)
+    cosine = np.abs(answer.quat_WB[:, 0] @ answer.quat_WB[0, 0])
+    np.testing.assert_allclose(2.0 * np.arccos(cosine[case.times > 0.168]), 0.5, atol=1e-6)
