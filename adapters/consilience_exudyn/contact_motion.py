@@ -39,7 +39,7 @@ from consilience.mechanism import (
 )
 from consilience_exudyn.contact_instant import AT_REST, contact_accelerations
 from consilience_exudyn.contact_rows import TouchRow, contact_row, coordinate_row
-from consilience_exudyn.contact_samples import room_ahead, with_contacts
+from consilience_exudyn.contact_samples import room_ahead, room_taken, with_contacts
 from consilience_exudyn.contacts import Penalty, add_contact, add_dry_friction, add_limit, limits_of, parts_of
 from consilience_exudyn.free_bodies import KEEP, add_free_bodies
 from consilience_exudyn.kinematic_tree import Coordinates, build_tree, is_one_axis_tree
@@ -187,18 +187,13 @@ class _Run:
 
 
 def contact_motion(
-    mechanism: Mechanism,
-    state: State,
-    times: Array,
-    step: float,
-    softness: float | None = None,
-    room: float | None = None,
+    mechanism: Mechanism, state: State, times: Array, step: float, softness: float | None = None
 ) -> TrajectoryAnswer:
     """Integrate a motion with contacts, stops and dry friction.
 
     Parameters
     ----------
-    mechanism, state, times, step, softness, room : see `_Step`; by default to be extrapolated, with a wide room
+    mechanism, state, times, step, softness : see `_Step`
 
     Raises
     ------
@@ -210,24 +205,54 @@ def contact_motion(
     rigid = RIGID / step**2
     if softness is not None:
         rigid = min(rigid, LINEAR / (step * float(times[1] - times[0])))
-    room = room_ahead(mechanism, state, float(times[-1] - times[0])) if room is None else room
-    at = _Step(step, rigid, softness, room)
+    room = room_ahead(mechanism, state, float(times[-1] - times[0]))
+    return _bounded_motion(mechanism, state, times, _Step(step, rigid, softness, room), ())[0]
+
+
+def halved_motions(mechanism: Mechanism, state: State, times: Array, step: float, count: int) -> list[TrajectoryAnswer]:
+    """Integrate a motion by halved steps, to be extrapolated: all numbers follow the step alike.
+
+    The first motion, the shortest to compute, tells the room that all need, and the bounds of the normal forces: bounds
+    that each finds by itself, where friction below its zone was unstable, are by chance.
+
+    Parameters
+    ----------
+    mechanism, state, times, step : see `contact_motion`
+    count : int
+        Number of motions.
+    """
+    room = room_ahead(mechanism, state, float(times[-1] - times[0]))
+    motion, bounds = _bounded_motion(mechanism, state, times, _Step(step, RIGID / step**2, None, room), ())
+    room, motions = room_taken(mechanism, motion), [motion]
+    for n in range(1, count):
+        h = step / 2.0**n
+        motion, bounds = _bounded_motion(mechanism, state, times, _Step(h, RIGID / h**2, None, room), bounds)
+        motions.append(motion)
+    return motions
+
+
+def _bounded_motion(
+    mechanism: Mechanism, state: State, times: Array, at: _Step, least: Sequence[float]
+) -> tuple[TrajectoryAnswer, list[float]]:
+    """Return a motion and the bounds of its normal forces, which are no less than `least`, if that is known."""
     seen = _contacts_at_start(mechanism, state)
-    bounds = [one.bound(at) for one in seen]
+    bounds = [max(one.bound(at), known) for one, known in zip(seen, least or [0.0] * len(seen), strict=True)]
     for _ in range(_ATTEMPTS):
         penalties = _alike([one.penalty(at, bound) for one, bound in zip(seen, bounds, strict=True)])
         run = _assemble(mechanism, state, at, penalties)
         try:
-            answer, forces = _integrate(mechanism, run, times, step)
+            answer, forces = _integrate(mechanism, run, times, at.step)
         except FloatingPointError:  # friction below its zone is unstable far above its bound
             bounds = [2.0 * bound for bound in bounds]
             continue
         largest = np.max(np.linalg.norm(forces, axis=2), axis=0, initial=0.0)
         if np.all(largest <= _STABLE * np.array(bounds)):
-            return with_contacts(mechanism, answer, forces, penalties, 1.0 / (step * np.sqrt(at.stiffness)))
+            return with_contacts(mechanism, answer, forces, penalties, 1.0 / (at.step * np.sqrt(at.stiffness))), bounds
         _refuse_late_hit(seen, largest)
         bounds = [max(b, 1.2 * f) for b, f in zip(bounds, largest, strict=True)]
-    raise RuntimeError(f"forces exceed {max(bounds):.3g} N, or the motion diverges: steps of {step:g} s are too long")
+    raise RuntimeError(
+        f"forces exceed {max(bounds):.3g} N, or the motion diverges: steps of {at.step:g} s are too long"
+    )
 
 
 def _alike(penalties: Sequence[Penalty]) -> list[Penalty]:

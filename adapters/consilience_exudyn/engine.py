@@ -23,8 +23,7 @@ from consilience.engine import (
 )
 from consilience.mechanism import Array, Mechanism, State
 from consilience_exudyn.contact_methods import HALVINGS, contact_methods, immovable
-from consilience_exudyn.contact_motion import contact_motion
-from consilience_exudyn.contact_samples import room_taken
+from consilience_exudyn.contact_motion import contact_motion, halved_motions
 from consilience_exudyn.contacts import CONTACT_FEATURES, REASONS, is_unilateral
 from consilience_exudyn.kinematic_tree import build_tree, is_one_axis_tree
 from consilience_exudyn.library import POINTWISE, QUIET, SETTINGS, exu
@@ -205,11 +204,7 @@ class ExudynEngine:
         """
         if is_unilateral(mechanism):
             if method.route is Route.EXTRAPOLATED:
-                halved = [step / 2.0**n for n in range(HALVINGS)]
-                first = contact_motion(mechanism, state, times, halved[0])  # the shortest to compute
-                room = room_taken(mechanism, first)
-                finer = (contact_motion(mechanism, state, times, h, room=room) for h in halved[1:])
-                return motion_of_halved([first, *finer])
+                return motion_of_halved(halved_motions(mechanism, state, times, step, HALVINGS))
             return contact_motion(mechanism, state, times, step, method.softness or 1.0)
         if method.name == _TREE:
             return tree_answer(build_tree(mechanism, state), times, step)

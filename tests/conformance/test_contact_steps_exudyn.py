@@ -5,10 +5,12 @@ import pytest
 
 from consilience import simulate
 from consilience.case import load_case
+from consilience.engine import Question, Route
 from contact_problems import FEET, G, Lab, incline
 
 pytest.importorskip("exudyn")
 
+from consilience_exudyn import ExudynEngine
 from consilience_exudyn.contact_motion import contact_motion
 
 LAB = Lab()
@@ -36,8 +38,18 @@ def test_rounding_does_not_turn_the_forces_of_points():
 
 
 def test_a_stop_without_rebound_catches_within_steps():
-    """A wheel that starts half a radian before the stop has turned by that from the first sample after the impact on."""
+    """A wheel that starts half a radian before the stop has turned by that at all samples after the impact."""
     case = load_case("wheel_caught_by_stop")
     answer = contact_motion(case.mechanism, case.initial_state, case.times, 2.5e-5, 1.0)
     cosine = np.abs(answer.quat_WB[:, 0] @ answer.quat_WB[0, 0])
     np.testing.assert_allclose(2.0 * np.arccos(cosine[case.times > 0.168]), 0.5, atol=1e-6)
+
+
+def test_motions_that_are_extrapolated_have_zones_in_proportion_to_their_steps():
+    """A wheel is braked until it locks by a force that grows tenfold: all have the bounds of the first motion."""
+    case, engine = load_case("braked_wheel"), ExudynEngine()
+    methods = engine.methods(case.mechanism, Question.TRAJECTORY)
+    (method,) = [one for one in methods if one.route is Route.EXTRAPOLATED]
+    reference = simulate(case)
+    answer = engine.trajectory(case.mechanism, case.initial_state, case.times, method, 5e-4)
+    assert np.max(np.abs(answer.quat_WB - reference.quat_WB)) < 1e-5
