@@ -29,11 +29,11 @@ REASONS = {
     "box cone": "the axes of DART's box follow from the normal and the world",
     "static friction": "DART has one coefficient",
     "Poisson impact": "DART has Moreau's law",
-    "Moreau impact": f"DART rebounds above {THRESHOLD:g} m/s alone",
+    "Moreau impact": f"DART rebounds above {THRESHOLD:g} m/s alone, in the units of its settings",
     "torsional friction": "DART has no torsional friction",
     "rolling friction": "DART has no rolling friction",
     "compliant contact": "DART's contacts are rigid",
-    "rebound threshold": f"DART has its own, of {THRESHOLD:g} m/s",
+    "rebound threshold": f"DART has its own, of {THRESHOLD:g} m/s in the units of its settings",
     "stop restitution": "DART's joint limits do not bounce",
     "dry friction of a reaction": "DART's Coulomb friction of joints has a constant bound",
 }
