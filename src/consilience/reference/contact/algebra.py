@@ -16,6 +16,12 @@ from consilience.reference.kernel.compiled import allocating, inner
 RANK = 1e-9
 """Singular values of the scaled system of given modes below this count as zero: dependent contacts."""
 
+NEARLY_HELD, HELD = 1e-2, 1e-12
+"""Largest entries, or singular values, of a system whose rows joints all but hold: small ones are relative to them.
+
+And those of rows that joints hold.
+"""
+
 REGULAR = 1e-4
 """Pivots above which no singular value comes near that."""
 
@@ -156,6 +162,12 @@ def _exchange_pivot(A: Array, b: Array, order: Array, k: int) -> tuple[float, fl
     return most, 1.0 if (row == k) == (column == k) else -1.0
 
 
+@inner
+def size_of_system(largest: float) -> float:
+    """Return what singular values are relative to: one, or less where joints all but hold every row."""
+    return min(max(largest, HELD) / NEARLY_HELD, 1.0)
+
+
 @allocating
 def _eliminate(system: Array, wanted: Array, x: Array) -> float:
     """Add the solution of a small system to x, by elimination with complete pivoting; return its determinant.
@@ -166,7 +178,7 @@ def _eliminate(system: Array, wanted: Array, x: Array) -> float:
     order, first, determinant = np.arange(n), 1.0, 1.0
     for k in range(n):
         most, turned = _exchange_pivot(A, b, order, k)
-        first = max(first, most)
+        first = max(size_of_system(most) if k == 0 else first, most)
         if not most > REGULAR * first:
             return 0.0
         determinant *= turned * A[k, k]
@@ -193,8 +205,9 @@ def solve_small(system: Array, wanted: Array, x: Array) -> float:
     U, singular, Vt = np.linalg.svd(system)
     for _ in range(2):
         left = wanted - system @ x
+        least = RANK * max(size_of_system(singular[0]), singular[0])
         for k in range(singular.shape[0]):
-            if singular[k] > RANK * max(1.0, singular[0]):
+            if singular[k] > least:
                 s = 0.0
                 for i in range(left.shape[0]):
                     s += U[i, k] * left[i]

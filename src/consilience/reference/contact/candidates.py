@@ -118,6 +118,7 @@ def modes_of(problem: ContactProblem, acceleration: Array) -> Modes:
     """Return the modes that accelerations show: what does not move is held."""
     scaled = acceleration / problem.row_scale()
     still = _STILL * max(float(np.max(np.abs(scaled))), float(np.max(np.abs(problem.free) / problem.row_scale())))
+    still = max(still, problem.rounding)
     closed = np.array([scaled[n] <= still for n in problem.normals], dtype=bool)
     modes = Modes(closed, problem.natural_modes().friction)
     for j in undecided(problem):

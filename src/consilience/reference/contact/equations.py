@@ -201,7 +201,8 @@ class ContactEquations(CompiledEquations):
         held = np.linalg.norm(K, axis=1) <= HELD * scale
         K[held] = 0.0
         free[held & (np.abs(free) <= HELD * scale * response.pull)] = 0.0
-        return ContactProblem(K @ K.T, free, names, normals, friction, sliding[rows], scale), rows, sets
+        found = ContactProblem(K @ K.T, free, names, normals, friction, sliding[rows], scale, response.pull)
+        return found, rows, sets
 
     def _structure_of(self, touching: bytes, pressed: bytes, *offsets: float) -> tuple[Any, ...]:
         """Return names, normals and friction of the problem of the normals that touch, and its rows and sets."""

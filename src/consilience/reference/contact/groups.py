@@ -71,5 +71,6 @@ def _group(problem: ContactProblem, rows: np.ndarray) -> RowGroup:
         friction,
         None if problem.sliding is None else problem.sliding[rows],
         problem.row_scale()[rows],
+        problem.size,
     )
     return RowGroup(part, list(at), normals, sets)

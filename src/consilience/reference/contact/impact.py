@@ -279,7 +279,8 @@ def apply_impact(
     parts = [layout.part_of(int(k)) for k in normals]
     asked = ["newton" if k is None else layout.parts[k].impact_law for k in parts]
     laws = [law if own == "newton" else own for own in asked]
-    found = solve_impulse(replace(problem, free=u[at]), restitution[normals], laws, at_rest, stepper.t)
+    size = float(np.sqrt(2.0 * equations.energy(stepper.y)))
+    found = solve_impulse(replace(problem, free=u[at], size=size), restitution[normals], laws, at_rest, stepper.t)
     if found.unique is False:
         raise NumericalFailure(
             f"impact of {', '.join(_names(layout, normals))} at t = {stepper.t:.12g} s: the laws of contact and "
@@ -291,7 +292,9 @@ def apply_impact(
     _refuse_friction_of_reactions(layout, response, force, stepper.t)
     before, count, lam = stepper.y.copy(), len(equations.model.mass), equations.multipliers_of_impulse(response, force)
     after, answer = before.copy(), response.K.T @ force
-    after[:count, 7:13] += (equations.inverse.T @ answer).reshape(-1, 6)
+    velocity = before[:count, 7:13].ravel() + equations.inverse.T @ answer
+    # on the joints: impacts in a chain take up the speed, and what one rounds off the joints is more and more of it
+    after[:count, 7:13] = equations.free_velocities(response, velocity, 0.0)[1].reshape(-1, 6)
     rates, energies = (u.copy(), u + response.K @ answer), (equations.energy(before), equations.energy(after))
     impact = AppliedImpact(
         *(stepper.t, normals, found.modes, force, lam, before, after, *rates, equations.rows.frame.copy(), *energies)

@@ -25,7 +25,7 @@ from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Array
 from consilience.reference.contact.decision import ModeDecision, decide
 from consilience.reference.contact.groups import groups
-from consilience.reference.contact.modes import RANK, ClosedContacts, solve_modes
+from consilience.reference.contact.modes import ClosedContacts, solve_modes
 from consilience.reference.contact.problem import ContactProblem, FrictionSet
 from consilience.reference.contact.projections import PATIENT_SWEEPS, friction_table, project_impulses
 from consilience.reference.contact.routh import poisson_path
@@ -141,11 +141,6 @@ def _one_each(problem: ContactProblem) -> bool:
 def _newton(problem: ContactProblem, restitution: Array, at_rest: float, time: float) -> ImpulseSolution:
     """Solve by the table of modes, each normal row with two tangents, which are zero for a stop."""
     n, m = len(problem.normals), len(problem.free)
-    # One mode to decide. G is the square of the speed that an impulse gives: a tip that grazes, all but held by its
-    # joints, is moved by the root of what ranks tell from zero.
-    if m == 1 and float(problem.delassus[0, 0]) > (RANK * float(problem.row_scale()[0])) ** 2:
-        impulse = -(1.0 + restitution) * np.minimum(problem.free, 0.0) / problem.delassus[0, 0]
-        return ImpulseSolution(impulse, problem.acceleration(impulse), ("frictionless",), None)
     friction = {f.load: f for f in problem.friction}
     place = np.zeros((3 * n, m))
     for i, row in enumerate(problem.normals):

@@ -37,7 +37,7 @@ def project(one: FrictionSet, radius: float, point: Array) -> Array:
 
 
 def residual(problem: ContactProblem, force: Array, acceleration: Array) -> Array:
-    """Return by how much each row violates its law, relative to the largest force, shape (m,).
+    """Return by how much each row violates its law beyond rounding, relative to the largest force, shape (m,).
 
     Friction that slides obeys its velocity; friction without velocity its acceleration. A set that does not move at all
     may reach its static bound.
@@ -60,7 +60,7 @@ def residual(problem: ContactProblem, force: Array, acceleration: Array) -> Arra
         held = T - project(one, one.static * bound, moved)
         at_rest = np.linalg.norm(moved - T) <= 1e-9 * unit
         missed[rows] = held if at_rest and np.linalg.norm(held) < np.linalg.norm(kinetic) else kinetic
-    return missed / unit
+    return np.asarray(np.maximum(np.abs(missed) - problem.rounding / weight, 0.0) / unit)
 
 
 def _sliding_residual(one: FrictionSet, bound: float, T: Array, slip: Array, displaced: Array) -> Array:

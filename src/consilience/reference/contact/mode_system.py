@@ -16,10 +16,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from consilience.mechanism import Array
+from consilience.reference.contact.algebra import HELD, NEARLY_HELD
 from consilience.reference.contact.problem import ContactProblem, Modes
 
 RANK = 1e-10
-"""Singular values of the scaled system below this count as zero: dependent contacts, or contacts that joints hold."""
+"""Singular values of the scaled system below this count as zero: dependent contacts, or contacts that joints hold.
+
+Where joints all but hold every row, of the share of the largest one.
+"""
 
 _CONSISTENT = 1e-10
 """Largest residual of the equations, relative to the accelerations of the problem."""
@@ -101,7 +105,7 @@ def solve_with_modes(problem: ContactProblem, modes: Modes) -> ModeSolution:
     scaled = S / of_row
     system = (E @ G @ scaled) / of_row[:, None]
     U, singular, Vt = np.linalg.svd(system)
-    rank = int(np.sum(singular > RANK))
+    rank = int(np.sum(singular > least_singular(singular[0])))
     inverse = Vt[:rank].T / singular[:rank] @ U[:, :rank].T
     x = inverse @ wanted
     x += inverse @ (wanted - system @ x)
@@ -114,9 +118,14 @@ def solve_with_modes(problem: ContactProblem, modes: Modes) -> ModeSolution:
         force,
         problem.acceleration(force),
         np.linalg.qr(free)[0] if free.shape[1] else free,
-        consistent=missed <= _CONSISTENT * float(np.max(np.abs(problem.free) / weight)),
+        consistent=missed <= max(_CONSISTENT * float(np.max(np.abs(problem.free) / weight)), problem.rounding),
         singular=bool(np.max(np.abs(effect), initial=0.0) > np.sqrt(RANK)),
     )
+
+
+def least_singular(largest: float) -> float:
+    """Return the singular value below which one of a scaled system counts as zero, given its largest one."""
+    return RANK * min(max(largest, HELD) / NEARLY_HELD, 1.0)
 
 
 def sliding_indicator(delassus: Array, scale: Array, S: Array, E: Array) -> float:
@@ -138,6 +147,6 @@ def sliding_indicator(delassus: Array, scale: Array, S: Array, E: Array) -> floa
         return 1.0
     weight = np.abs(E) @ scale
     values, U = np.linalg.eigh((E @ delassus @ E.T) / np.outer(weight, weight))
-    kept = values > RANK
+    kept = values > least_singular(values[-1])
     system = (E @ delassus @ S) / np.outer(weight, weight)
     return float(np.linalg.det((U[:, kept].T @ system @ U[:, kept]) / values[kept]))

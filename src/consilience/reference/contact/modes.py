@@ -19,10 +19,7 @@ import scipy
 
 from consilience.errors import NumericalFailure
 from consilience.mechanism import Array, cross, orthogonal_triad
-
-RANK = 1e-10
-"""Singular values below this fraction of the compliance without joints count as zero: dependent contacts, or contacts
-that the joints immobilise."""
+from consilience.reference.contact.mode_system import least_singular
 
 _SLACK = 1e-9
 """Tolerance of the conditions of a mode, relative to the velocities or impulses."""
@@ -140,7 +137,7 @@ class _ModeTrial:
         rest = np.array(required) - E @ law.before.ravel()
         system = E @ law.compliance @ S
         U, singular, Vt = np.linalg.svd(system)
-        rank = int(np.sum(singular > RANK * law.free_compliance))
+        rank = int(np.sum(singular > least_singular(singular[0] / law.free_compliance) * law.free_compliance))
         inverse = Vt[:rank].T / singular[:rank] @ U[:, :rank].T
         x = inverse @ rest
         x += inverse @ (rest - system @ x)

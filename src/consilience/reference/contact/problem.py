@@ -28,6 +28,9 @@ import numpy as np
 from consilience.errors import InvalidInput
 from consilience.mechanism import Array
 
+ROUNDING = 1e-14
+"""Error of `free` over the size of the accelerations that it is what joints leave of."""
+
 ON_BISECTOR = 1e-9
 """A heading nearer than this to the bisector of two vertices of a pyramid, rad, slides along their facet."""
 
@@ -188,6 +191,8 @@ class ContactProblem:
     scale : ndarray, shape (m,), optional
         Square roots of the diagonal that G has without joints: what is small beside them is rounding. Of G itself if
         left out.
+    size : float
+        Norm in the mass metric of the accelerations (velocities) of the bodies, of which `free` may be a small rest.
     """
 
     delassus: Array
@@ -197,6 +202,7 @@ class ContactProblem:
     friction: tuple[FrictionSet, ...] = ()
     sliding: Array | None = None
     scale: Array | None = None
+    size: float = 0.0
 
     def __post_init__(self) -> None:
         """Check shapes and coefficients."""
@@ -224,6 +230,11 @@ class ContactProblem:
     def _row_scale(self) -> Array:
         scale = np.sqrt(np.maximum(np.diag(self.delassus), 0.0)) if self.scale is None else self.scale
         return np.where(scale > 0.0, scale, np.max(scale, initial=0.0) or 1.0)
+
+    @property
+    def rounding(self) -> float:
+        """What rounding leaves of accelerations, over the scales of their rows."""
+        return ROUNDING * self.size
 
     def natural_modes(self) -> Modes:
         """All normals closed; what slides slides, the rest sticks."""

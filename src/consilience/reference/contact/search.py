@@ -182,7 +182,7 @@ class ModeSearch:
 
     def _lawful(self, solved: ModeSolution) -> bool:
         """Return whether a solution satisfies the laws, and note the best that does not."""
-        missed = np.abs(residual(self.problem, solved.force, solved.acceleration))
+        missed = residual(self.problem, solved.force, solved.acceleration)
         worst = int(np.argmax(missed)) if len(missed) else 0
         if len(missed) and missed[worst] < self.best[0]:
             self.best = (float(missed[worst]), self.problem.names[worst])

@@ -160,7 +160,9 @@ class _Scheme:
 
     def _decided(self, response: Response, free: Array, offsets: Array, closed: Array) -> Array:
         """Return the impulses of a step that satisfy the laws as inclusions, by a search for modes (`decide`)."""
-        problem, rows, sets = self.equations.problem(replace(response, free=free), closed, np.zeros(len(free)))
+        size = float(np.sqrt(2.0 * self.equations.energy(self.y)))
+        given = replace(response, free=free, pull=size)
+        problem, rows, sets = self.equations.problem(given, closed, np.zeros(len(free)))
         p = np.zeros(len(free))
         p[rows] = decide(with_offsets(problem, {k: float(offsets[j]) for k, j in enumerate(sets)})).force
         return p
