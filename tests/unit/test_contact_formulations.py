@@ -87,6 +87,13 @@ def test_other_accelerations_are_found_beyond_those_that_are_known(seed, instant
         simulate_with_contacts(*random_contacts(seed), TIMES, 1e-10, "moreau")
 
 
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-9, 1e-10, 1e-12])
+def test_what_breaks_away_without_acceleration_is_asked_for_headings_near_those_of_its_forces(tolerance):
+    """Three friction sets reach their bounds at one instant; before it, too, they could slide, by other forces."""
+    with pytest.raises(NumericalFailure, match=r"t = 0.117363\d* s: .* several accelerations"):
+        simulate_with_contacts(*random_contacts(380), TIMES, tolerance, "moreau")
+
+
 def test_rows_that_depend_on_one_another_are_told_where_no_modes_are_consistent():
     """What two contacts hold from both sides is pressed into both."""
     wedged = ContactProblem(np.array([[1.0, -1.0], [-1.0, 1.0]]), np.array([-1.0, -1.0]), ("a", "b"), (0, 1))

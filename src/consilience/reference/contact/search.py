@@ -98,8 +98,12 @@ class ModeSearch:
         return found, tuple(others), False if others else True if all_tried else None
 
     def _elsewhere(self, found: ModeSolution) -> Iterator[ModeSolution]:
-        """Yield the solutions reached from all held, from all open, and by Lemke's method from several sides."""
-        count, tried, passed = len(self.problem.normals) + len(self.undecided), [found.modes], [found.modes]
+        """Yield the solutions reached from all held, from all open, and by Lemke's method from several sides.
+
+        What breaks away without acceleration slides by the headings given: others like them may lead elsewhere.
+        """
+        count = len(self.problem.normals) + len(self.undecided)
+        tried, passed = [] if self.started else [found.modes], [found.modes]
         coverings = np.random.default_rng(0).uniform(0.05, 1.0, size=(_SIDES, count))
         opened = Modes(np.zeros(len(self.problem.normals), dtype=bool), self.natural.friction)
         guesses = map(self.pyramids.guess, coverings)
