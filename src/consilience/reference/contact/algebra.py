@@ -184,8 +184,9 @@ def _eliminate(system: Array, wanted: Array, x: Array) -> float:
         determinant *= turned * A[k, k]
         for i in range(k + 1, n):
             factor = A[i, k] / A[k, k]
-            b[i] -= factor * b[k]
-            add_row(A[i], -factor, A[k])
+            if factor != 0.0:  # most are zero where few contacts act on one another
+                b[i] -= factor * b[k]
+                add_row(A[i], -factor, A[k])
     for k in range(n - 1, -1, -1):
         for j in range(k + 1, n):
             b[k] -= A[k, j] * b[j]

@@ -13,8 +13,8 @@ from consilience.reference.contact.complementarity import solve_lcp
 from consilience.reference.contact.mode_system import active
 from consilience.reference.contact.problem import ON_BISECTOR, ContactProblem, FrictionMode, FrictionSet, Modes
 
-_FACETS = 16
-"""Vertices of the pyramid that stands for a circular cone where modes are guessed."""
+_FACETS, _FEWER, _MANY = 16, 8, 40
+"""Vertices of the pyramid that stands for a circular cone where modes are guessed; and beyond so many undecided sets."""
 
 _STILL = 1e-8
 """Accelerations of a guess below this count as zero, relative to the largest."""
@@ -35,16 +35,16 @@ def slips(one: FrictionSet, base: FrictionMode, heading: Array, on_bisector: flo
     return FrictionMode(base.drag + sign * base.reach * side, np.zeros((0, len(side))))
 
 
-def _directions(one: FrictionSet, base: FrictionMode, outer: bool) -> Array:
+def _directions(one: FrictionSet, base: FrictionMode, facets: int, outer: bool) -> Array:
     """Return extreme friction forces per unit of load along the undecided directions, shape (k, d)."""
     if base.reach:
         return np.array([[base.reach], [-base.reach]]) * base.held
     vertices = one.vertices
     if vertices is None:
-        vertices = replace(one, facets=_FACETS).vertices
+        vertices = replace(one, facets=facets).vertices
         assert vertices is not None
         if outer:
-            vertices = vertices / np.cos(np.pi / _FACETS)
+            vertices = vertices / np.cos(np.pi / facets)
     return one.static * vertices
 
 
@@ -66,9 +66,10 @@ class PyramidProblem:
             if one.load is not None:
                 P[0][normals.index(one.load), list(one.rows)] += mode.drag
         scales = [problem.row_scale()[normals]]
+        facets = _FACETS if len(self._sets) <= _MANY else _FEWER
         for j in self._sets:
             one = problem.friction[j]
-            directions = _directions(one, natural.friction[j], outer)
+            directions = _directions(one, natural.friction[j], facets, outer)
             P.append(np.zeros((len(directions), m)))
             P[-1][:, list(one.rows)] = directions
             # one scale for all vertices of a set: they share the slip lambda

@@ -30,19 +30,21 @@ _MOST_GUESSES = 3
 
 
 class HeadingSystem(NamedTuple):
-    """System of modes in which k circles start to slide: a heading changes one column and the constant force."""
+    """System of modes in which k circles start to slide; their friction, which headings change, is left out.
 
-    columns: Array  # (m, r) S
-    constant: Array  # (m,)
+    Forces are ``constant + columns x + friction``, and ``system x`` is what they are to have on the rows E.
+    """
+
+    system: Array  # (r, r)
     size: Array  # (r,) scales of the rows E
-    response: Array  # (r, m) E G over the scales
+    response: Array  # (r, 2 k) of the rows E over the scales to the friction
     wanted: Array  # (r,)
-    rows: Array  # (k, 2)
     column: Array  # (k,) index of the load of each among the columns; -1: none
     kinetic: Array  # (k,)
     offset: Array  # (k,)
-    free: Array  # (2 k,)
-    moved: Array  # (2 k, m) response of the circles
+    free: Array  # (2 k,) accelerations of the circles under the constant forces
+    moved: Array  # (2 k, r) their response to x
+    rubbed: Array  # (2 k, 2 k) and to the friction
 
 
 class Headings:
@@ -68,23 +70,24 @@ class Headings:
         self.unit = float(np.max(np.abs(problem.free) / problem.row_scale(), initial=0.0)) or 1.0
         drags = [self.modes.friction[j].drag for j in self.starting]
         self.given = np.array([np.arctan2(-drag[1], -drag[0]) for drag in drags])
-        constant, columns, E = columns_and_rows(problem, self.modes)
+        constant, S, E = columns_and_rows(problem, self.modes)
         size = np.abs(E) @ problem.row_scale()
         closed = [n for n, shut in zip(problem.normals, self.modes.closed, strict=True) if shut]
         starting = [problem.friction[j] for j in self.starting]
-        rows = np.array([one.rows for one in starting])
+        rows = np.array([one.rows for one in starting]).ravel()
+        constant[rows] = S[rows] = 0.0
+        G, E, free = problem.delassus, E / size[:, None], problem.acceleration(constant)
         self._system = HeadingSystem(
-            np.ascontiguousarray(columns),
-            constant,
-            size,
-            response=(E @ problem.delassus) / size[:, None],
-            wanted=-(E @ problem.free) / size,
-            rows=rows,
+            system=E @ G @ (S / size),
+            size=size,
+            response=np.ascontiguousarray(E @ G[:, rows]),
+            wanted=-(E @ free),
             column=np.array([closed.index(one.load) if one.load in closed else -1 for one in starting]),
             kinetic=np.array([one.kinetic for one in starting]),
             offset=np.array([one.offset for one in starting]),
-            free=problem.free[rows.ravel()],
-            moved=problem.delassus[rows.ravel()],
+            free=free[rows],
+            moved=G[rows] @ (S / size),
+            rubbed=G[np.ix_(rows, rows)],
         )
 
     def solved(self) -> ModeSolution:
@@ -129,18 +132,24 @@ class Headings:
 
 
 @allocating
-def _accelerations_across(system: HeadingSystem, angles: Array) -> Array:
+def _accelerations_across(one: HeadingSystem, angles: Array) -> Array:
     """Return the accelerations across headings."""
-    S, constant, along = system.columns.copy(), system.constant.copy(), np.empty((len(angles), 2))
-    for k in range(len(angles)):
-        along[k, 0], along[k, 1] = np.cos(angles[k]), np.sin(angles[k])
-        for axis in range(2):
-            row, drag = system.rows[k, axis], -system.kinetic[k] * along[k, axis]
-            constant[row] = system.offset[k] * drag
-            if system.column[k] >= 0:
-                S[row, system.column[k]] = drag
-    S /= system.size
-    x = np.zeros(S.shape[1])
-    solve_small(system.response @ S, system.wanted - system.response @ constant, x)
-    w = system.free + system.moved @ (constant + S @ x)
-    return w[1::2] * along[:, 0] - w[::2] * along[:, 1]
+    system, wanted, count = one.system.copy(), one.wanted.copy(), len(angles)
+    along, drag = np.empty(2 * count), np.empty(2 * count)  # friction over its bound
+    for i in range(2 * count):
+        k = i // 2
+        along[i] = np.cos(angles[k]) if i % 2 == 0 else np.sin(angles[k])
+        drag[i] = -one.kinetic[k] * along[i]
+        c = one.column[k]
+        for r in range(len(wanted)):
+            wanted[r] -= one.response[r, i] * one.offset[k] * drag[i]
+            if c >= 0:
+                system[r, c] += one.response[r, i] * drag[i] / one.size[c]
+    x = np.zeros(len(wanted))
+    solve_small(system, wanted, x)
+    for i in range(2 * count):
+        k = i // 2
+        c = one.column[k]
+        drag[i] *= one.offset[k] + (x[c] / one.size[c] if c >= 0 else 0.0)
+    w = one.free + one.moved @ x + one.rubbed @ drag
+    return w[1::2] * along[::2] - w[::2] * along[1::2]
