@@ -14,7 +14,7 @@ from consilience.reference.contact.mode_system import active
 from consilience.reference.contact.problem import ON_BISECTOR, ContactProblem, FrictionMode, FrictionSet, Modes
 
 _FACETS, _FEWER, _MANY = 16, 8, 40
-"""Vertices of the pyramid that stands for a circular cone where modes are guessed; and beyond so many undecided sets."""
+"""Vertices of the pyramid that stands for a circular cone where modes are guessed, and beyond so many sets."""
 
 _STILL = 1e-8
 """Accelerations of a guess below this count as zero, relative to the largest."""
