@@ -100,10 +100,11 @@ class ModeSearch:
     def _elsewhere(self, found: ModeSolution) -> Iterator[ModeSolution]:
         """Yield the solutions reached from all held, from all open, and by Lemke's method from several sides.
 
-        What breaks away without acceleration slides by the headings given: others like them may lead elsewhere.
+        What breaks away without acceleration goes on along its own force. Several sets that do so at once need not be
+        able to move along all of their forces, and headings like those may lead elsewhere.
         """
         count = len(self.problem.normals) + len(self.undecided)
-        tried, passed = [] if self.started else [found.modes], [found.modes]
+        tried, passed = [] if len(self.started) > 1 else [found.modes], [found.modes]
         coverings = np.random.default_rng(0).uniform(0.05, 1.0, size=(_SIDES, count))
         opened = Modes(np.zeros(len(self.problem.normals), dtype=bool), self.natural.friction)
         guesses = map(self.pyramids.guess, coverings)
