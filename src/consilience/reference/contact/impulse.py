@@ -25,6 +25,7 @@ from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Array
 from consilience.reference.contact.decision import ModeDecision, decide
 from consilience.reference.contact.groups import groups
+from consilience.reference.contact.mode_system import RANK
 from consilience.reference.contact.modes import ClosedContacts, solve_modes
 from consilience.reference.contact.problem import ContactProblem, FrictionSet
 from consilience.reference.contact.projections import PATIENT_SWEEPS, friction_table, project_impulses
