@@ -100,10 +100,10 @@ def solve_impulse(
     sets = tuple(f for f in problem.friction if f.load is not None)
     sets = tuple(replace(f, static=f.kinetic, offset=0.0) for f in sets)
     problem = replace(problem, free=approach, friction=sets, sliding=None)
-    impulse, modes = np.zeros(len(approach)), [""] * len(normals)
+    impulse, modes = np.zeros(len(approach)), ["released"] * len(normals)
     judged: set[bool | None] = set()
     for group in groups(problem):
-        if group.normals:
+        if group.normals and _acts(group.problem, at_rest):
             own = {laws[i] for i in group.normals}
             first = next(one for one in LAWS if one in own)
             found = _solve(group.problem, restitution[group.normals], first, at_rest, time)
@@ -112,6 +112,12 @@ def solve_impulse(
             for i, mode in zip(group.normals, found.modes, strict=True):
                 modes[i] = mode
     return ImpulseSolution(impulse, problem.acceleration(impulse), tuple(modes), _all_unique(judged))
+
+
+def _acts(problem: ContactProblem, at_rest: float) -> bool:
+    """Return whether something approaches, or slides: what is at rest would be decided by rounding."""
+    slides = [row for one in problem.friction for row in one.rows]
+    return bool(np.any(problem.free[list(problem.normals)] < 0.0) or np.any(np.abs(problem.free[slides]) > at_rest))
 
 
 def _all_unique(judged: set[bool | None]) -> bool | None:
