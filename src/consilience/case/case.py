@@ -95,7 +95,7 @@ class Case:
     group: str = ""
     call: str = ""
     file_digest: str = ""
-    lines: Mapping[str, int] = field(default_factory=dict, repr=False)
+    lines: Mapping[str, int] = field(default_factory=dict, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         require_states(self.mechanism, ())
