@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +46,7 @@ class OpenForces:
     loss: NDArray[np.bool_]
 
 
+@lru_cache(maxsize=1)  # contacts, losses and words of one motion ask in turn
 def open_forces(mechanism: Mechanism, answer: TrajectoryAnswer) -> OpenForces:
     """Tell which impulses of contacts, sums of them, and losses equilibrium leaves open (`determinate_impulses`)."""
     known = determinate_impulses(mechanism, answer)

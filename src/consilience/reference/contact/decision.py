@@ -8,7 +8,7 @@ be the only one, or the others are listed: with friction, accelerations need not
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -105,9 +105,13 @@ def _assembled(
         for group, _, several, _ in found
         for other in several
     ]
-    judged = {one for _, _, _, one in found}
-    unique = False if False in judged else None if None in judged else True
+    unique = all_unique({one for _, _, _, one in found})
     return ModeDecision(whole.modes, whole.force, whole.acceleration, whole.undetermined, unique, tuple(others))
+
+
+def all_unique(judged: Collection[bool | None]) -> bool | None:
+    """Return whether all solutions are unique; none if that was not examined of one, and no other has several."""
+    return False if False in judged else None if None in judged else True
 
 
 def _joined(problem: ContactProblem, parts: list[tuple[RowGroup, ModeSolution]]) -> ModeSolution:

@@ -23,7 +23,7 @@ import numpy as np
 
 from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Array
-from consilience.reference.contact.decision import ModeDecision, decide
+from consilience.reference.contact.decision import ModeDecision, all_unique, decide
 from consilience.reference.contact.groups import groups
 from consilience.reference.contact.mode_system import RANK
 from consilience.reference.contact.modes import ClosedContacts, solve_modes
@@ -111,18 +111,13 @@ def solve_impulse(
             judged.add(found.unique)
             for i, mode in zip(group.normals, found.modes, strict=True):
                 modes[i] = mode
-    return ImpulseSolution(impulse, problem.acceleration(impulse), tuple(modes), _all_unique(judged))
+    return ImpulseSolution(impulse, problem.acceleration(impulse), tuple(modes), all_unique(judged))
 
 
 def _acts(problem: ContactProblem, at_rest: float) -> bool:
     """Return whether something approaches, or slides: what is at rest would be decided by rounding."""
     slides = [row for one in problem.friction for row in one.rows]
     return bool(np.any(problem.free[list(problem.normals)] < 0.0) or np.any(np.abs(problem.free[slides]) > at_rest))
-
-
-def _all_unique(judged: set[bool | None]) -> bool | None:
-    """Return whether all are unique; none if that was not examined of one, and no other has several."""
-    return False if False in judged else None if None in judged else True
 
 
 def _solve(problem: ContactProblem, restitution: Array, law: str, at_rest: float, time: float) -> ImpulseSolution:
@@ -275,7 +270,7 @@ def _two_phases(problem: ContactProblem, restitution: Array) -> tuple[Array, boo
     sets = tuple(replace(f, offset=float(preload[f.load])) for f in problem.friction if f.load is not None)
     free = compression.acceleration + problem.delassus @ preload
     expansion = decide(replace(problem, free=free, friction=sets))
-    unique = _all_unique({compression.unique, expansion.unique, not _open_rebound(problem, compression, restitution)})
+    unique = all_unique({compression.unique, expansion.unique, not _open_rebound(problem, compression, restitution)})
     return compression.force + preload + expansion.force, unique
 
 
