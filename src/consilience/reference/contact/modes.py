@@ -5,7 +5,8 @@ linear system in the unknown impulses x, with ``p = S x`` and required velocitie
 
     E G S x = c - E u-,     G = K K^T.
 
-Violated modes are exchanged one at a time; if a combination recurs, all combinations are tried.
+Violated modes are exchanged one at a time; if a combination recurs, one is guessed by Lemke's method, and then all are
+tried, where they are not too many.
 """
 
 from __future__ import annotations
@@ -19,10 +20,17 @@ import scipy
 
 from consilience.errors import NumericalFailure
 from consilience.mechanism import Array, cross, orthogonal_triad
+from consilience.reference.contact.complementarity import solve_lcp
 from consilience.reference.contact.mode_system import least_singular
 
 _SLACK = 1e-9
 """Tolerance of the conditions of a mode, relative to the velocities or impulses."""
+
+_FACETS = 16
+"""Vertices of the pyramid that stands for the circle of what does not slide before, where modes are guessed."""
+
+_TURNS = 4
+"""Times that friction found along the slip is turned against it."""
 
 _MOST = 5
 """Largest number of contacts for which all combinations of modes are tried (at most 5 modes each)."""
@@ -164,9 +172,17 @@ class _ModeTrial:
 
         guess = np.array([np.arctan2(self.t2[k] @ stuck.p[k], self.t1[k] @ stuck.p[k]) for k in starting])
         scale = max(float(np.max(np.abs(self.law.before))), self.law.at_rest)
-        if np.max(np.abs(across(guess))) > 1e-15 * scale:
-            guess = scipy.optimize.root(lambda angles: across(angles) / scale, guess, tol=1e-14).x
-        solved = self._linear(modes, directions(guess))
+        for _ in range(_TURNS):
+            if np.max(np.abs(across(guess))) > 1e-15 * scale:
+                guess = scipy.optimize.root(lambda angles: across(angles) / scale, guess, tol=1e-14).x
+            t = directions(guess)
+            solved = self._linear(modes, t)
+            driven = [
+                float(t[k] @ solved.after[k]) > _SLACK * scale for k in starting
+            ]  # along the slip, not against it
+            if not any(driven):
+                break
+            guess = guess + np.pi * np.array(driven)
         parallel = float(np.max(np.abs(across(guess)))) <= _SLACK * scale
         return _Solved(solved.p, solved.after, solved.consistent and parallel)
 
@@ -248,7 +264,7 @@ def solve_modes(
         return (), np.zeros((0, 3)), np.zeros((0, 3))
     trial = _ModeTrial(law)
     preferred = tuple(trial.choices(k)[0] for k in range(len(law.names)))
-    found = _by_exchange(trial, preferred) or _by_enumeration(trial)
+    found = _by_exchange(trial, preferred) or _by_guess(trial) or _by_enumeration(trial)
     if found is not None:
         return found
     told = ""
@@ -257,8 +273,9 @@ def solve_modes(
         if found is not None:
             return found
         told = MOREAU
+    tried = "is admissible" if len(law.names) <= _MOST else "that was tried is admissible"
     raise NumericalFailure(
-        f"impact at t = {time:.12g} s: no combination of sliding, sticking and released contacts is admissible "
+        f"impact at t = {time:.12g} s: no combination of sliding, sticking and released contacts {tried} "
         f"for {', '.join(law.names)}: the bodies are wedged, or driven together with nothing that gives way, and no "
         f"rigid motion goes on from here (with a compliance in one of the contacts it does), or restitution asks for "
         f"what the joints forbid{told}"
@@ -288,6 +305,52 @@ def _by_exchange(trial: _ModeTrial, modes: tuple[str, ...]) -> tuple[tuple[str, 
         k, mode = exchange
         modes = (*modes[:k], mode, *modes[k + 1 :])
     return None
+
+
+def _by_guess(trial: _ModeTrial) -> tuple[tuple[str, ...], Array, Array] | None:
+    """Exchange the modes guessed by Lemke's method until none is violated; None if it leads nowhere."""
+    guess = _guessed(trial)
+    return None if guess is None else _by_exchange(trial, guess)
+
+
+def _guessed(trial: _ModeTrial) -> tuple[str, ...] | None:
+    """Guess modes from the linear complementarity problem of Stewart and Trinkle (1996).
+
+    Friction of what slides before opposes that slip alone; the circles of all else are pyramids.
+    """
+    law, n = trial.law, len(trial.law.names)
+    rough = np.flatnonzero(law.friction > 0.0)
+    turns = 2.0 * np.pi / _FACETS * np.arange(_FACETS)
+    around = [turns[:1] if trial.slides[k] else turns for k in rough]
+    owner = np.repeat(np.arange(len(rough)), [len(one) for one in around])
+    normals = [_at(law.normal[k], k, n) for k in range(n)]
+    tangents = [
+        _at(np.cos(angle) * trial.t1[k] + np.sin(angle) * trial.t2[k], k, n)
+        for k, angles in zip(rough, around, strict=True)
+        for angle in angles
+    ]
+    F, forces = np.array(normals + tangents), n + len(owner)
+    M, q = np.zeros((forces + len(rough),) * 2), np.zeros(forces + len(rough))
+    M[:forces, :forces] = F @ law.compliance @ F.T / law.free_compliance
+    M[np.arange(n, forces), forces + owner], M[forces + owner, np.arange(n, forces)] = 1.0, -1.0
+    M[forces + np.arange(len(rough)), rough] = law.friction[rough]
+    q[:forces] = F @ law.before.ravel()
+    q[:n] -= law.target
+    z = solve_lcp(M, q / (float(np.max(np.abs(q))) or 1.0), np.ones(len(q)))
+    if z is None:
+        return None
+    least = _SLACK * float(np.max(z[:forces]))
+    modes = ["frictionless" if N > least else "released" for N in z[:n]]
+    for c, k in enumerate(rough):
+        if modes[k] == "released":
+            continue
+        if z[forces + c] > _SLACK:  # the slip after
+            modes[k] = "sliding" if trial.slides[k] else "starting"
+        elif trial.slides[k]:
+            modes[k] = "halted" if np.any(z[n:forces][owner == c] > least) else "unopposed"
+        else:
+            modes[k] = "sticking"
+    return tuple(modes)
 
 
 def _by_enumeration(trial: _ModeTrial) -> tuple[tuple[str, ...], Array, Array] | None:
