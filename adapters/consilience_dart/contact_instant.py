@@ -21,12 +21,14 @@ from consilience.engine import CannotRepresent, limit_of_halved
 from consilience.mechanism import (
     Array,
     State,
+    characteristic_length,
     contact_gap,
     contact_parts,
     determinate_forces,
     nearest_points,
     sharing_rows,
 )
+from consilience_dart.constraints import weld_terms
 from consilience_dart.contacts import SLIDING, Touching
 from consilience_dart.state import Coordinates, read, send
 from consilience_dart.stepping import (
@@ -64,8 +66,8 @@ FINE = 1e-12
 
 SETTLED, UNSETTLED = 1e-7, 2.5e-7
 """Error of an acceleration, over the largest one or 1 m/s^2, below which the other solver is not asked, and above which
-there is no answer: by two extrapolations, by what force mixing makes of forces that still change, or by gaps that open
-or close in spite of a force. The bar is four times the second."""
+there is no answer: by two extrapolations, by what force mixing makes of forces that still change, by gaps that open or
+close in spite of a force, or by loops that part. The bar is four times the second."""
 
 UNDERSTATED = 3.0
 """Largest error over what two extrapolations tell, as in a loop."""
@@ -213,6 +215,18 @@ def _mixed(touching: Touching, model: Model, change: Array) -> float:
     return found
 
 
+def _parting(model: Model, c: Coordinates, a: Array) -> float:
+    """Return the acceleration in m/s^2 with which loops part under generalised accelerations a.
+
+    The first solver may end far from their rows with no sign that it does.
+    """
+    send(model, c)
+    model.skeleton.setAccelerations(np.zeros(len(a)))
+    J, bias = weld_terms(model)
+    sizes = np.repeat([characteristic_length(model.mechanism), 1.0], 3)
+    return float(np.max(np.abs((J @ a + bias).reshape(-1, 6) * sizes), initial=0.0))
+
+
 def _settled(fresh: Callable[[], Stepper], c: Coordinates, state: State, shared: bool, unsure: bool) -> _Settled:
     """Solve by one solver of friction, by the other and with shorter steps where it leaves the accelerations open.
 
@@ -305,5 +319,6 @@ def _by(
     off = max(
         abs(float(limit_of_halved(opening[least]))), _mixed(worlds[-1], stepping.model, limit_of_halved(changes[least]))
     )
-    spread = max(spread, off / size)
-    return _Settled(limit_of_halved(quotients[least]), limit_of_halved(forces[least]), float(spread))
+    best = limit_of_halved(quotients[least])
+    spread = max(spread, off / size, _parting(stepping.model, c, best) / size)
+    return _Settled(best, limit_of_halved(forces[least]), float(spread))

@@ -115,7 +115,7 @@ def contact_accelerations(terms: Terms, state: State, equations: Equations) -> t
         active.append(_contact(number, row, terms.contact_force(state, number) - without if slides else None))
     terms.contact_force(state, None)
     force, stuck = _joint_efforts(mechanism, state)
-    balance = _held(equations, _balanced(equations, equations.f + force, [*active, *stuck]))
+    balance = _balanced(equations, equations.f + force, [*active, *stuck])
     _refuse_start(balance.sliding)
     found = np.zeros((len(parts_of(mechanism)), 3))
     for one, x in zip(balance.closed, balance.unknowns, strict=True):
@@ -165,7 +165,7 @@ class _Balance:
 
 
 def _balanced(equations: Equations, f: Array, active: Sequence[_Active]) -> _Balance:
-    """Open what pulls, one after the other; if others would then close again, try all sets.
+    """Open what pulls whatever forces are chosen, one after the other; if others would close again, try all sets.
 
     Friction that sticks is not bounded in a set: it may jam, and hide which contacts open.
     """
@@ -173,9 +173,9 @@ def _balanced(equations: Equations, f: Array, active: Sequence[_Active]) -> _Bal
     def solved(closed: Sequence[_Active]) -> _Balance:
         return _Balance(list(closed), *_solve(equations, f, closed))
 
-    found = solved(active)
+    found = _held(equations, solved(active))
     while (pulling := found.pulling) is not None:
-        found = solved([one for n, one in enumerate(found.closed) if n != pulling])
+        found = _held(equations, solved([one for n, one in enumerate(found.closed) if n != pulling]))
     if found.overlaps(active):
         dry, pushing = [one for one in active if one.dry], [one for one in active if not one.dry]
         if len(pushing) > _MOST_TRIED:
@@ -191,17 +191,19 @@ def _balanced(equations: Equations, f: Array, active: Sequence[_Active]) -> _Bal
 
 
 def _held(equations: Equations, balance: _Balance) -> _Balance:
-    """Return the solution with other forces that equilibrium leaves open, where those of least norm cannot stick.
+    """Return the solution with other forces that equilibrium leaves open, where those of least norm pull or slip.
 
     Projections onto the cones and onto forces of the same sums, in turn, come to forces within both, if there are any.
     """
-    if balance.sliding is None:
+    if balance.sliding is None and balance.pulling is None:
         return balance
     free = null_space(np.vstack([equations.J, *(one.columns for one in balance.closed)]).T)
     joints, ends = len(balance.mu), np.cumsum([len(x) for x in balance.unknowns])[:-1]
     bounded, least = free[joints:], np.concatenate(balance.unknowns)
-    nearest, forces = np.linalg.pinv(bounded, rcond=_RANK), least
-    for _ in range(_PASSES if free.size else 0):
+    U, singular, Vt = np.linalg.svd(bounded, full_matrices=False)
+    rank = int(np.sum(singular > _RANK))  # of orthonormal columns: others are forces of joints alone
+    nearest, forces = Vt[:rank].T / singular[:rank] @ U[:, :rank].T, least
+    for _ in range(_PASSES if rank else 0):
         parts = zip(balance.closed, np.split(forces, ends), strict=True)
         z = nearest @ (np.concatenate([_within(one, x) for one, x in parts]) - least)
         forces = least + bounded @ z

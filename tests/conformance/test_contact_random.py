@@ -6,6 +6,7 @@ import pytest
 from consilience.audit.fuzz.population import specimen
 from consilience.case import load_cases
 from consilience.engine import CannotRepresent, Question, load_engine
+from consilience.mechanism import determinate_forces
 
 
 def accelerations(engine, case):
@@ -23,6 +24,7 @@ def accelerations(engine, case):
         pytest.param("mujoco", 35071, 9, id="a contact that opens, and closes again as others slide"),
         pytest.param("mujoco", 35085, 12, id="loops that hold everything, with five contacts"),
         pytest.param("pinocchio", 35072, 10, id="a contact whose rows depend on those of a loop"),
+        pytest.param("dart", 8936, 8, id="loops that the first solver of friction leaves open"),
         pytest.param("pinocchio", 135, 9, id="a stop that a loop holds"),
     ],
 )
@@ -32,8 +34,22 @@ def test_modes_of_several_contacts_settle(engine, seed, digits):
     assert np.max(np.abs(found - wanted)) <= 10.0**-digits * max(1.0, np.max(np.abs(wanted)))
 
 
-def test_contacts_that_fit_in_no_way_at_rest_start_to_slide():
-    case = specimen(35071, contacts=True).case
+@pytest.mark.parametrize("seed", [8966, 9063])
+def test_a_contact_carries_what_is_beyond_the_dry_friction_beside_it(seed):
+    case = specimen(seed, contacts=True).case
+    mechanism, state = case.mechanism, case.states[0]
+    known, found = determinate_forces(mechanism, state).reactions, []
+    for engine in map(load_engine, ("exudyn", "reference")):
+        answer = engine.instant(mechanism, [state], engine.methods(mechanism, Question.INSTANT)[0])
+        assert answer.force_F is not None
+        assert answer.torque_F is not None
+        found.append(np.hstack([answer.force_F[0], answer.torque_F[0]])[known])
+    np.testing.assert_allclose(*found, atol=1e-10 * np.max(np.abs(found[1])))
+
+
+@pytest.mark.parametrize("seed", [35071, 9094])
+def test_contacts_that_fit_in_no_way_at_rest_start_to_slide(seed):
+    case = specimen(seed, contacts=True).case
     with pytest.raises(CannotRepresent, match="starts to slide"):
         accelerations("exudyn", case)
 

@@ -12,6 +12,7 @@ from consilience.mechanism import (
     Frame,
     Joint,
     Mechanism,
+    SpherePlane,
     characteristic_length,
     constraint_jacobian,
     drawing_state,
@@ -27,6 +28,7 @@ from consilience.mechanism.conditioning import (
     joint_space_condition,
     mass_matrix_condition,
 )
+from contact_problems import Lab
 
 E = np.eye(3)
 
@@ -112,6 +114,20 @@ def test_condition_numbers_are_those_of_dense_matrices():
     N = np.linalg.svd(Q)[2][len(kept) :].T
     least = np.linalg.eigvalsh(N.T @ M @ N)[0]
     assert free_condition(mechanism, state) == pytest.approx(np.linalg.eigvalsh(M)[-1] / least, rel=1e-8)
+
+
+@pytest.mark.parametrize("angle", [0.9, 0.1, 1e-3])
+def test_nearly_parallel_contacts_are_near_singular(angle):
+    """Two smooth planes touch a ball about its centre of mass: unit normals n, m have A = [[1, n.m], [n.m, 1]]."""
+    lab, radius = Lab(), 0.2
+    normals = lab.axes @ np.array([[np.sin(s * 0.5 * angle), 0.0, np.cos(0.5 * angle)] for s in (-1.0, 1.0)]).T
+    planes = [
+        SpherePlane(f"plane {k}", "body", lab.com, radius, GROUND, lab.com - radius * n, n)
+        for k, n in enumerate(normals.T)
+    ]
+    mechanism = lab.free_body(2.0, (0.03, 0.04, 0.05), (0.0, 0.0, -9.81), planes)
+    found = delassus_condition(mechanism, drawing_state(mechanism))
+    assert found == pytest.approx(1.0 / np.tan(0.5 * angle) ** 2, rel=1e-6)
 
 
 @pytest.mark.parametrize("flat", [1e-1, 1e-2])

@@ -16,7 +16,7 @@ ROUNDED = 1e-8
 
 
 def _impact(seed: int, count: int, restitution: float) -> tuple[ClosedContacts, Array, Array, Array]:
-    """Return contacts of two bodies that all strike, with J, inverse masses (12,) and velocities (12,) of the bodies."""
+    """Return contacts of two bodies that all strike, with J, the inverse masses (12,) and velocities (12,) of both."""
     rng = np.random.default_rng(seed)
     J = np.zeros((3 * count, 12))
     for k in range(count):

@@ -11,8 +11,9 @@ mass matrix M of all bodies and the constraint Jacobian Q, five condition number
     H q'' = tau         in joint coordinates, H the inertia of the elementary tree (`joint_space_condition`): links
                         without mass have coordinates of their own, near singular where a chain of joints is
     A lam = b           for the constraint forces first, A = Q M^-1 Q^T (`reaction_condition`, and in unit-diagonal form
-                        `delassus_condition`): near singular where constraints nearly depend on one another, such as
-                        those of a linkage at its dead point
+                        with the rows of closed contacts, reached stops and dry friction at rest, `delassus_condition`):
+                        near singular where constraints nearly depend on one another, such as those of a linkage at its
+                        dead point, or a contact that its joints all but hold
 
 The error of a solution is some eps times the condition number of its matrix; for H and A in unit-diagonal form,
 whatever the units of the coordinates [J. Demmel 1989; N. J. Higham, Accuracy and Stability of Numerical Algorithms,
@@ -24,6 +25,7 @@ from __future__ import annotations
 import numpy as np
 
 from consilience.mechanism.constraints import RANK_TOLERANCE, null_space, scaled_jacobian, velocity_sizes
+from consilience.mechanism.contact_determinacy import closed_rows
 from consilience.mechanism.elementary_tree import Coordinate, Link, Tree, coordinates, to_elementary_tree
 from consilience.mechanism.model import Mechanism, State
 from consilience.mechanism.observables import centres_of_mass, world_inertias
@@ -127,9 +129,8 @@ def _across_joint(link: Link, q: Coordinate, R_parent: Array) -> tuple[Array, Ar
     return arm if q.p is None else arm + R @ q.p, R @ rotation_from_quaternion(q.quat), own
 
 
-def _constraint_condition(mechanism: Mechanism, state: State, unit_diagonal: bool) -> float:
+def _constraint_condition(mechanism: Mechanism, state: State, Q: Array, unit_diagonal: bool) -> float:
     """Condition number of ``A = Q M^-1 Q^T`` on its rank, from the singular values of ``M^-1/2 Q^T``."""
-    Q = scaled_jacobian(mechanism, state)
     if len(Q) == 0:
         return 1.0
     roots = _mass_roots(mechanism, state)
@@ -140,8 +141,12 @@ def _constraint_condition(mechanism: Mechanism, state: State, unit_diagonal: boo
 
 
 def delassus_condition(mechanism: Mechanism, state: State) -> float:
-    """Return the condition number of ``A = Q M^-1 Q^T`` in unit-diagonal form, on its rank; 1 without constraints."""
-    return _constraint_condition(mechanism, state, unit_diagonal=True)
+    """Return the condition number of ``A = Q M^-1 Q^T`` in unit-diagonal form, on its rank; 1 without constraints.
+
+    Q has the rows of joints, closed contacts, reached stops and dry friction at rest.
+    """
+    Q = np.vstack([scaled_jacobian(mechanism, state), closed_rows(mechanism, state)[0]])
+    return _constraint_condition(mechanism, state, Q, unit_diagonal=True)
 
 
 def reaction_condition(mechanism: Mechanism, state: State) -> float:
@@ -149,4 +154,4 @@ def reaction_condition(mechanism: Mechanism, state: State) -> float:
 
     Rounding errors of reactions grow with this number: the multipliers solve ``A lam = gamma - Q M^-1 f``.
     """
-    return _constraint_condition(mechanism, state, unit_diagonal=False)
+    return _constraint_condition(mechanism, state, scaled_jacobian(mechanism, state), unit_diagonal=False)

@@ -97,9 +97,28 @@ def _open_forces(mechanism: Mechanism, state: State, touched: Collection[str]) -
     directions : list of lists of ndarray, each of shape (n_rows, 3)
         Of each contact, a block for each part that is closed.
     """
+    rows, directions = closed_rows(mechanism, state, touched)
+    return null_space(np.vstack([scaled_jacobian(mechanism, state), rows]).T), directions
+
+
+def closed_rows(mechanism: Mechanism, state: State, touched: Collection[str] = ()) -> tuple[Array, list[list[Array]]]:
+    """Return the rows of closed contacts, reached stops and dry friction at rest, and the directions of the contacts.
+
+    Parameters
+    ----------
+    touched : collection of str
+        As in `determinate_forces`.
+
+    Returns
+    -------
+    rows : ndarray, shape (n, 6 n_b)
+        Scaled as those of `scaled_jacobian`, one for each direction in which a force is free.
+    directions : list of lists of ndarray, each of shape (n_rows, 3)
+        Of each contact, a block for each part that is closed.
+    """
     length, sizes = characteristic_length(mechanism), velocity_sizes(mechanism)
     resting = _resting(mechanism, state) / np.array([1.0, length])
-    blocks, directions = [scaled_jacobian(mechanism, state)], list[list[Array]]()
+    blocks, directions = list[Array](), list[list[Array]]()
     for contact in mechanism.contacts:
         directions.append([])
         parts = [(part, nearest_points(mechanism, state, part)) for part in contact_parts(contact)]
@@ -112,7 +131,7 @@ def _open_forces(mechanism: Mechanism, state: State, touched: Collection[str]) -
             blocks.append(free @ rows * sizes / length)
             directions[-1].append(free[:, :3])
     blocks.append(_joint_efforts(mechanism, state, touched) * sizes)
-    return null_space(np.vstack(blocks).T), directions
+    return np.vstack(blocks), directions
 
 
 def _velocity(state: State) -> Array:

@@ -177,9 +177,7 @@ class _ModeTrial:
                 guess = scipy.optimize.root(lambda angles: across(angles) / scale, guess, tol=1e-14).x
             t = directions(guess)
             solved = self._linear(modes, t)
-            driven = [
-                float(t[k] @ solved.after[k]) > _SLACK * scale for k in starting
-            ]  # along the slip, not against it
+            driven = [float(t[k] @ solved.after[k]) > _SLACK * scale for k in starting]
             if not any(driven):
                 break
             guess = guess + np.pi * np.array(driven)
@@ -319,7 +317,7 @@ def _guessed(trial: _ModeTrial) -> tuple[str, ...] | None:
     Friction of what slides before opposes that slip alone; the circles of all else are pyramids.
     """
     law, n = trial.law, len(trial.law.names)
-    rough = np.flatnonzero(law.friction > 0.0)
+    rough = np.flatnonzero(law.friction > 0.0).tolist()
     turns = 2.0 * np.pi / _FACETS * np.arange(_FACETS)
     around = [turns[:1] if trial.slides[k] else turns for k in rough]
     owner = np.repeat(np.arange(len(rough)), [len(one) for one in around])
@@ -340,7 +338,7 @@ def _guessed(trial: _ModeTrial) -> tuple[str, ...] | None:
     if z is None:
         return None
     least = _SLACK * float(np.max(z[:forces]))
-    modes = ["frictionless" if N > least else "released" for N in z[:n]]
+    modes = np.where(z[:n] > least, "frictionless", "released").tolist()
     for c, k in enumerate(rough):
         if modes[k] == "released":
             continue
