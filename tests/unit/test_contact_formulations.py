@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from consilience import Drawing, simulate
 from consilience.audit.formulations.contacts import FLOOR, LEVELS, SAFETY, TIMES, band_of, campaign, compare, summary
 from consilience.audit.random_contacts import random_contacts
 from consilience.errors import NumericalFailure
@@ -171,3 +172,20 @@ def test_the_band_catches_friction_that_is_a_tenth_too_large():
     motion, _ = simulate_with_contacts(wrong, start, TIMES, 1e-10, "moreau")
     off = np.max(np.abs(motion.p_WB - levels[-1]), axis=(1, 2))
     assert np.max(off / (SAFETY * band_of(levels) + FLOOR)) > 3.0
+
+
+def test_contacts_whose_accelerations_are_open_are_named():
+    """A slab between two jaws: either pair of points may carry all that presses, and the slab turns about its axis."""
+    draw = Drawing("jaws", gravity=(0.0, 0.0, -9.81))
+    draw.body("slab", mass=0.3, com=(0.0, 0.004, 0.003), inertia=(3e-4, 2e-4, 2.5e-4))
+    draw.joint("flight", "free", "ground", "slab", at=(0.0, 0.0, 0.0))
+    for side, jaw in ((-1.0, "left"), (1.0, "right")):
+        draw.body(jaw, mass=0.2, inertia=(1e-4, 1e-4, 1e-4))
+        draw.joint(f"{jaw}_slide", "prismatic", "ground", jaw, at=(0.0, 0.0, 0.0), axis=(1.0, 0.0, 0.0))
+        press = {"joint": f"{jaw}_slide", "coordinate": "distance", "stiffness": 2e3, "damping": 0.0}
+        draw.add("joint_spring", f"{jaw}_spring", rest=-0.02 * side, **press)
+        for name, y in (("near", 0.0), ("far", 0.02)):
+            wall = {"partner": "slab", "point": (0.02 * side, y, 0.0), "normal": (side, 0.0, 0.0), "friction": 0.5}
+            draw.add("contact", f"{jaw}_{name}", body=jaw, at=(0.025 * side, y, 0.0), radius=0.005, **wall)
+    with pytest.raises(NumericalFailure, match=r"several accelerations of contact '(left|right)_(near|far)'"):
+        simulate(draw.case(duration=0.1, sample=0.05))

@@ -21,7 +21,7 @@ from consilience.reference.contact.response import Response
 from consilience.reference.contact.row_modes import RowModes, open_modes
 
 _BINDING = 1e-7
-"""Margins of undetermined forces that count as equal, over the forces."""
+"""Margins of undetermined forces that count as equal, over the forces; accelerations, over the largest one."""
 
 ROOM = 0.05
 """Margin that a choice of undetermined forces keeps to all bounds, over the forces."""
@@ -41,6 +41,8 @@ class LastingContact:
         Of the rows that touch; None where nothing does.
     undetermined : bool
         Whether the forces are not unique.
+    apart : tuple of str
+        Names of the rows whose accelerations are not unique.
     """
 
     modes: RowModes
@@ -48,6 +50,7 @@ class LastingContact:
     acceleration: Array
     decision: ModeDecision | None
     undetermined: bool
+    apart: tuple[str, ...] = ()
 
 
 def decide_lasting(
@@ -105,8 +108,12 @@ def decide_lasting(
     for one, mode in zip(equations.layout.friction, modes.friction, strict=True):
         if one.associated and mode is not None and len(mode.held) < len(one.rows):
             raise NumericalFailure(f"{one.name}: {HOPS}")
+    others = np.array([one.acceleration for one in decision.others]).reshape(-1, len(rows))
+    least = _BINDING * float(np.max(np.abs(others), initial=0.0))
+    apart = rows[np.any(np.abs(others - decision.acceleration) > least, axis=0)]
+    names = tuple(dict.fromkeys(equations.layout.names[row] for row in apart))
     found = bool(decision.undetermined.shape[1])
-    return LastingContact(modes, force, response.accelerations(force), decision, found)
+    return LastingContact(modes, force, response.accelerations(force), decision, found, names)
 
 
 def _restricted(problem: ContactProblem, modes: RowModes, normals: Array, sets: Array) -> Modes:
@@ -149,8 +156,8 @@ def require_unique(found: LastingContact, time: float) -> LastingContact:
     """
     if found.decision is not None and found.decision.others:
         raise NumericalFailure(
-            f"contact at t = {time:.12g} s: the laws of contact and friction allow several accelerations: "
-            "the motion is not unique from here on"
+            f"contact at t = {time:.12g} s: the laws of contact and friction allow several accelerations "
+            f"of {', '.join(found.apart)}: the motion is not unique from here on"
         )
     return found
 
