@@ -27,6 +27,7 @@ REASONS = {
     "disc on plane contact": "DART finds no contact of a cylinder's rim with a plane",
     "pyramid cone": "DART has circles and boxes",
     "box cone": "the axes of DART's box follow from the normal and the world",
+    "associated cone": "the adapter asks DART's solver of friction for Coulomb's law alone",
     "static friction": "DART has one coefficient",
     "Poisson impact": "DART has Moreau's law",
     "Moreau impact": f"DART rebounds above {THRESHOLD:g} m/s alone, in the units of its settings",

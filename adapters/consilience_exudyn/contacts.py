@@ -40,10 +40,12 @@ CONTACT_FEATURES = (
 
 REASONS = {
     "disc on plane contact": "Exudyn has contacts of spheres and triangles, not of rims",
+    "rebound threshold": "Exudyn's restitution has no speed below which nothing rebounds",
     "static friction": "friction of Exudyn's contacts has one coefficient, and is zero at rest",
     "pyramid cone": "friction of Exudyn's contacts is on a circle",
     "box cone": "friction of Exudyn's contacts is on a circle",
     "associated cone": "friction of Exudyn's contacts does not lift",
+    "Moreau impact": "Exudyn's impacts take time, and friction follows the slip within them",
     "Poisson impact": "Exudyn's impact models have a coefficient of velocities",
     "torsional friction": "Exudyn's contacts exert no moments",
     "rolling friction": "Exudyn's contacts exert no moments",

@@ -119,7 +119,7 @@ class ExudynEngine:
         unknown = beyond(mechanism, FEATURES, "Exudyn", REASONS)
         if unknown or question is not Question.TRAJECTORY or not is_unilateral(mechanism):
             return unknown
-        reason = "explicit integrators take no constraints; implicit ones fail at fixed steps where sliding stops"
+        reason = "Exudyn's explicit integrators take no constraints, implicit ones fail at fixed steps as sliding stops"
         beside = immovable(mechanism)
         return (Unsupported(f"contacts, stops or dry friction beside {beside}", reason),) if beside else ()
 

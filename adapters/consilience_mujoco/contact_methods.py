@@ -22,11 +22,13 @@ CONTACT_FEATURES = (
 """Features of contacts, stops and dry friction that the adapter translates."""
 
 REASONS = {
-    "disc on plane contact": "MuJoCo has no rim; a thin cylinder has two, and up to four contacts on them",
+    "disc on plane contact": "MuJoCo has no rim, and a thin cylinder has two, with up to four contacts on them",
+    "rebound threshold": "MuJoCo's spring and damper have no speed below which nothing rebounds",
     "static friction": "MuJoCo has one coefficient for sticking and sliding",
     "pyramid cone": "MuJoCo's pyramid has axes of its own and lifts what slides: it is left to the profile default",
     "box cone": "MuJoCo has an elliptic and a pyramidal cone, no box",
     "associated cone": "MuJoCo's cones are associated, but soft: sliding lifts to a height, not for ever",
+    "Moreau impact": "MuJoCo has a spring and a damper, no law of impact",
     "Poisson impact": "MuJoCo has a spring and a damper, no law of impact",
     "torsional friction": "MuJoCo's cone joins it with sliding friction in one ellipsoid",
     "rolling friction": "MuJoCo's cone joins it with sliding friction in one ellipsoid",

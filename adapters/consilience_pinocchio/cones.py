@@ -40,6 +40,19 @@ SETTINGS: dict[str, Any] = {
 }
 
 
+REASONS = {
+    "rebound threshold": "Pinocchio's solver has no restitution, and that of the adapter has no threshold",
+    "pyramid cone": "Pinocchio's cone of friction is a circle",
+    "box cone": "Pinocchio's cone of friction is a circle",
+    "Poisson impact": "an impact is one solution of Pinocchio's solver, which is Moreau's law",
+    "torsional friction": "Pinocchio's point contacts exert no moments",
+    "rolling friction": "Pinocchio's point contacts exert no moments",
+    "compliant contact": "the adapter gives Pinocchio's solver rigid contacts alone",
+    "dry friction of a reaction": "the bound of Pinocchio's joint friction is a constant",
+}
+"""Features of contacts, stops and dry friction that Pinocchio cannot represent, and why."""
+
+
 @dataclass(frozen=True)
 class Interval:
     """Set of one force: at least `lower`, at most `upper`."""

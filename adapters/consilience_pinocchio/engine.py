@@ -26,7 +26,7 @@ from consilience.engine import (
 )
 from consilience.mechanism import Array, ContactLaw, Mechanism, State
 from consilience_pinocchio.charts import suited
-from consilience_pinocchio.cones import SETTINGS
+from consilience_pinocchio.cones import REASONS, SETTINGS
 from consilience_pinocchio.contacts import hold_all
 from consilience_pinocchio.dynamics import PROXIMAL, solve
 from consilience_pinocchio.elements import Elements
@@ -160,7 +160,7 @@ class PinocchioEngine:
 
     def unsupported(self, mechanism: Mechanism, question: Question) -> tuple[Unsupported, ...]:
         """Return the features without a translation."""
-        refused = beyond(mechanism, FEATURES, "Pinocchio")
+        refused = beyond(mechanism, FEATURES, "Pinocchio", REASONS)
         if len({contact.associated for contact in mechanism.contacts if contact.friction}) > 1:
             refused += (Unsupported("associated cones beside others", "Pinocchio's solver has one setting for all"),)
         if question is Question.TRAJECTORY and touches(mechanism) and any(j.kind == "rod" for j in mechanism.joints):

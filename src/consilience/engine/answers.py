@@ -60,7 +60,7 @@ class Unsupported:
     reason: str
 
     def __str__(self) -> str:
-        return f"{self.feature}: {self.reason}"
+        return f"{self.feature}: {self.reason}".replace("; ", ", ")  # a record joins refusals by semicolons
 
 
 class CannotRepresent(ConsilienceError):
