@@ -147,8 +147,7 @@ def simulate(
     InvalidInput, CannotAssemble, NumericalFailure
     """
     # names of the library are imported at their first use, and here where they are used: each costs a microsecond
-    import numpy as np  # noqa: PLC0415
-
+    from consilience.errors import InvalidInput, in_range  # noqa: PLC0415
     from consilience.mechanism import Mechanism  # noqa: PLC0415
     from consilience.reference import simulate as integrate  # noqa: PLC0415
     from consilience.report.simulation import Simulation  # noqa: PLC0415
@@ -159,23 +158,23 @@ def simulate(
         state = case.initial_state if state is None else state
         times = case.times if times is None else times
     if times is None:
-        from consilience.errors import InvalidInput  # noqa: PLC0415
-
         raise InvalidInput("times", "they are missing", "Give sample times in s, for example numpy.linspace(0, 2, 41).")
     if state is None:
         from consilience.reference import initial_state  # noqa: PLC0415
 
         state = initial_state(mechanism)
+    in_range("tolerance", tolerance, 0.0, 1e300, "Give a number, for example 1e-12.", True)
     form = formulation or ("relative" if forces is None else "descriptor")
-    grid = np.asarray(times, dtype=float)
     if _touches(mechanism) and formulation is None and forces is None and integrator is None:
         from consilience.mechanism import assembled  # noqa: PLC0415
+        from consilience.reference import sample_times  # noqa: PLC0415
         from consilience.reference.contact import simulate_with_contacts  # noqa: PLC0415
 
+        grid = sample_times(times)
         state = assembled(mechanism, state, float(grid[0])) if assemble else state
         answer = simulate_with_contacts(mechanism, state, grid, tolerance)[0]
     else:
-        answer = integrate(mechanism, state, grid, tolerance, form, integrator, forces, assemble)
+        answer = integrate(mechanism, state, times, tolerance, form, integrator, forces, assemble)
     return Simulation.of(mechanism, answer)
 
 
@@ -204,8 +203,10 @@ def accelerations(
         case = _case(mechanism)
         mechanism, states = case.mechanism, case.initial_state if states is None else states
     if formulation is None and _touches(mechanism):
+        from consilience.errors import in_range  # noqa: PLC0415
         from consilience.reference.contact import contact_instant  # noqa: PLC0415
 
+        in_range("t", t, -1e300, 1e300, "Give a time in s.")
         return contact_instant(mechanism, [states] if isinstance(states, State) else states, t)
     return compute(mechanism, states, formulation or "descriptor", t)
 
@@ -246,12 +247,10 @@ def study(
         An unknown parameter, with the nearest names, or an impossible value. A set that cannot be assembled or
         integrated is in ``failures`` of the study.
     """
-    import numpy as np  # noqa: PLC0415 - names of the library are imported at their first use
+    # names of the library are imported at their first use
+    from consilience.reference.analyses.many_motions import changed_cases, columns_of  # noqa: PLC0415
 
-    from consilience.reference.analyses.many_motions import changed_cases  # noqa: PLC0415
-
-    given = _case(case).with_span(duration, sample)
-    columns = {name: np.atleast_1d(np.asarray(values)) for name, values in parameters.items()}
+    given, columns = _case(case).with_span(duration, sample), columns_of(parameters)
     cases = changed_cases(given, columns, not paired)
     return _motions(given, columns, not paired, [c.mechanism for c in cases], [c.initial for c in cases], tolerance)
 
@@ -278,13 +277,12 @@ def simulate_many(
     InvalidInput
         There are no states, or one is not of this mechanism. A state that is not consistent is in ``failures``.
     """
-    from consilience.errors import InvalidInput  # noqa: PLC0415 - names of the library are imported at their first use
-    from consilience.mechanism import State, require_states  # noqa: PLC0415
+    from consilience.mechanism import State, require_states  # noqa: PLC0415 - names are imported at their first use
+    from consilience.reference.analyses.many_motions import starts_of  # noqa: PLC0415
 
-    given, starts = _case(case).with_span(duration, sample), [states] if isinstance(states, State) else list(states)
+    given = _case(case).with_span(duration, sample)
+    starts = starts_of([states] if isinstance(states, State) else states)
     require_states(given.mechanism, starts)
-    if not starts:
-        raise InvalidInput("states", "there are none", "Give a list of states, for example of random_states.")
     return _motions(given, {}, False, [given.mechanism] * len(starts), starts, tolerance)
 
 

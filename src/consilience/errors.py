@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from difflib import get_close_matches
+from math import isfinite
+from numbers import Real
 
 _UNSEEN = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff\ufffe\uffff]"
@@ -33,7 +35,7 @@ def nearest(name: str, known: Iterable[str], all_of_them: str) -> str:
     all_of_them : str
         Noun for all names, in the plural and with a capital, such as ``Engines``.
     """
-    names = list(known)
+    names, name = list(known), str(name)
     by_case = {one.casefold(): one for one in names}
     near = [by_case[one] for one in get_close_matches(name.casefold(), by_case, n=3, cutoff=0.5)]
     return (f"Nearest: {', '.join(near)}. " if near else "") + f"{all_of_them}: {', '.join(names)}."
@@ -77,6 +79,28 @@ def require(value: object, kind: type, where: str, remedy: str) -> None:
             f"{'an' if name[0] in 'AEIO' else 'a'} {name}" for name in (type(value).__name__, kind.__name__)
         )
         raise InvalidInput(where, f"it is {given}, not {needed}", remedy)
+
+
+def in_range(where: str, value: object, least: float, most: float, remedy: str, open_below: bool = False) -> None:
+    """Refuse what is no number of ``least <= value <= most`` (``least < value`` if open below), and infinity.
+
+    Parameters
+    ----------
+    where, remedy : str
+        What the value is, and what would be right, for the message.
+    value : object
+    least, most : float
+    open_below : bool
+
+    Raises
+    ------
+    InvalidInput
+    """
+    if isinstance(value, bool) or not isinstance(value, Real):
+        raise InvalidInput(where, f"{value!r} is no number", remedy)
+    number = float(value)
+    if not (least < number if open_below else least <= number) or not (number <= most and isfinite(number)):
+        raise InvalidInput(where, f"{number:g} is out of range", remedy)
 
 
 class CannotAssemble(InvalidInput):

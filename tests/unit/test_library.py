@@ -223,7 +223,7 @@ def wrong(change):
         (lambda d: cs.save_case(d, "no.toml"), "a Drawing, not a Mechanism"),
         (lambda d: cs.Case.of(d.mechanism(), {"elbow": 0.1}), "a dict, not an Initial"),
         (lambda d: cs.Case.of(d.mechanism(), duration=1.0, sample=0.3), "1 s and 0.3 s. Give a positive sample that"),
-        (lambda d: cs.Case.of(d.mechanism(), sample=0.0), "5 s and 0 s. Give a positive sample"),
+        (lambda d: cs.Case.of(d.mechanism(), sample=0.0), "sample: 0 is out of range. Give a time above zero"),
     ],
 )
 def test_a_mistake_names_part_and_field(change, words):

@@ -1,5 +1,6 @@
 """Messages of the library about arguments that are not what a function needs: the field, and what would be right."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -82,6 +83,32 @@ REFUSED = {
     ),
     r"engines: it is one str": lambda: c.run_suite([c.load_case("double_pendulum")], "an engine"),
     r"engine: it is a NoneType": lambda: c.load_engine(None),
+    r"tolerance: 'fine' is no number.*1e-12": lambda: c.simulate(HINGE, STATE, [0.0, 1.0], "fine"),
+    r"forces: 3 is no function": lambda: c.simulate(HINGE, STATE, [0.0, 1.0], forces=3),
+    r"integrator '3': relative takes none": lambda: c.simulate(HINGE, STATE, [0.0, 1.0], integrator=3),
+    r"parameters: it is a list, not a Mapping": lambda: c.study(c.load_case("double_pendulum"), ["gravity[2]"]),
+    r"parameter 'gravity\[2\]': it is no array of numbers": lambda: c.study(
+        c.load_case("double_pendulum"), {"gravity[2]": [1j]}
+    ),
+    r"states: it is a int, not an Iterable": lambda: c.simulate_many(HINGE, 3),
+    r"contact 'floor': the compiled model of many.*one by one: \[consilience.simulate": lambda: c.simulate_many(
+        c.load_case("bouncing_sphere"), c.load_case("bouncing_sphere").initial_state
+    ),
+    r"duration: inf is out of range": lambda: c.Case.of(HINGE, duration=np.inf),
+    r"duration: 'long' is no number": lambda: c.Case.of(HINGE, duration="long"),
+    r"count: 1.5 is no integer": lambda: c.random_states(HINGE, STATE, 1.5, 1),
+    r"seed: 'a' is no integer": lambda: c.random_states(HINGE, STATE, 1, "a"),
+    r"speed: nan is out of range": lambda: c.random_states(HINGE, STATE, 1, 1, np.nan),
+    r"function: polynomial: it is no array of numbers": lambda: c.constant("a"),
+    r"function: harmonics: it is no array of numbers": lambda: c.sine("a", 1.0),
+    r"table: x: it is no array of numbers": lambda: c.through("abc", np.arange(6.0)),
+    r"body 'arm': com: it is no array of numbers": lambda: body(com=["0", "0", "1"]),
+    r"state of mechanism.*joint 'j0', constraint . is violated": lambda: c.accelerations(
+        HINGE, replace(STATE, p_WB=STATE.p_WB + 0.1)
+    ),
+    r"state of mechanism.*joint 'j0', constraint . has a wrong rate": lambda: c.accelerations(
+        HINGE, replace(STATE, v_WB_W=STATE.v_WB_W + 0.1), "relative"
+    ),
     r"joint 'r': length: the ends of the rod coincide": lambda: c.Joint("r", "rod", "ground", "arm", HERE, HERE, 0.0),
 }
 
@@ -90,6 +117,28 @@ REFUSED = {
 def test_what_an_argument_needs_is_said(message):
     with pytest.raises(InvalidInput, match=message):
         REFUSED[message]()
+
+
+@pytest.mark.parametrize("name", ["double_pendulum", "bouncing_sphere"])
+@pytest.mark.parametrize(
+    ("times", "what"),
+    [
+        *((given, "it is no array of numbers") for given in ("abc", ["a"], ["0", "1"], [False, True], [0.0, 1j], {})),
+        *((given, "it is no array of numbers") for given in ([[0.0], [1.0, 2.0]], object())),
+        *((given, "they have shape") for given in (1.0, [[0.0, 1.0], [2.0, 3.0]])),
+        *((given, "they do not increase") for given in ([], [1.0, 0.0], [0.0, 0.0], [0.0, np.nan], [0.0, np.inf])),
+    ],
+)
+def test_times_are_finite_increasing_numbers(name, times, what):
+    with pytest.raises(InvalidInput, match=f"^times: {what}.*Give finite, increasing sample times in s"):
+        c.simulate(c.load_case(name), times=times)
+
+
+@pytest.mark.parametrize("name", ["double_pendulum", "bouncing_sphere"])
+@pytest.mark.parametrize("t", ["0", None, 1j, [1.0, 2.0], np.nan, np.inf])
+def test_the_time_of_an_instant_is_a_finite_number(name, t):
+    with pytest.raises(InvalidInput, match=r"^t: .* is (no number|out of range). Give a time in s"):
+        c.accelerations(c.load_case(name), t=t)
 
 
 CASE = """title = "t"

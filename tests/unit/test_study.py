@@ -116,7 +116,7 @@ def test_a_place_moves_both_frames_of_a_joint():
         ({"uper.mass": [1.0]}, "Nearest: upper.mass"),
         ({"elbow.place": [1.0]}, "Nearest: elbow.place"),
         ({"upper.mass": [1.0, -1.0]}, "parameter 'upper.mass' = -1: body 'upper': mass: -1.0 kg is not positive"),
-        ({"upper.mass": ["heavy"]}, "no list of finite numbers"),
+        ({"upper.mass": ["heavy"]}, "no array of numbers"),
         ({"upper.mass": []}, "no list of finite numbers"),
         ({}, "there are none"),
     ],

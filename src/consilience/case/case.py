@@ -13,7 +13,7 @@ import numpy as np
 
 from consilience.case.file.digest import case_digest
 from consilience.case.published import Published
-from consilience.errors import InvalidInput, require
+from consilience.errors import InvalidInput, in_range, require
 from consilience.mechanism import (
     Array,
     Function,
@@ -100,7 +100,10 @@ class Case:
     def __post_init__(self) -> None:
         require_states(self.mechanism, ())
         require(self.initial, Initial, f"case '{self.name}': initial", "Give Initial({'pin': {'angle': 0.5}}).")
-        if not (self.duration > 0 and self.sample > 0) or not _is_multiple(self.duration, self.sample):
+        for name in ("duration", "sample"):
+            where, remedy = f"case '{self.name}': {name}", "Give a time above zero, in s."
+            in_range(where, getattr(self, name), 0.0, np.inf, remedy, True)
+        if not _is_multiple(self.duration, self.sample):
             raise InvalidInput(
                 f"case '{self.name}': duration and sample",
                 f"{self.duration:g} s and {self.sample:g} s",

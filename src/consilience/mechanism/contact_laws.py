@@ -7,28 +7,11 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from consilience.errors import InvalidInput, require
+from consilience.errors import InvalidInput, in_range, require
 from consilience.mechanism.spatial import Array, cross, fixed_array
 
 ConeKind = Literal["circle", "pyramid", "box"]
 ImpactLaw = Literal["newton", "moreau", "poisson"]
-
-
-def in_range(where: str, value: object, least: float, most: float, remedy: str, open_below: bool = False) -> None:
-    """Refuse what is no number of ``least <= value <= most`` (``least < value`` if open below), and infinity.
-
-    Parameters
-    ----------
-    where, remedy : str
-        What the value is, and what would be right, for the message.
-    value : object
-    least, most : float
-    open_below : bool
-    """
-    if isinstance(value, bool) or not isinstance(value, int | float | np.number):
-        raise InvalidInput(where, f"{value!r} is no number", remedy)
-    if not (least < value if open_below else least <= value) or not (value <= most and np.isfinite(value)):
-        raise InvalidInput(where, f"{value:g} is out of range", remedy)
 
 
 def _one_of(where: str, value: object, kinds: object) -> None:

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from consilience.errors import InvalidInput
-from consilience.mechanism.contact_laws import SurfaceLaw, in_range
+from consilience.errors import InvalidInput, in_range
+from consilience.mechanism.contact_laws import SurfaceLaw
 from consilience.mechanism.spatial import Array, fixed_array
 
 
@@ -32,7 +32,7 @@ class _Pair(SurfaceLaw):
         for name in _DIRECTIONS & vars(self).keys():
             object.__setattr__(self, name, _unit(f"{where}: {name}", vars(self)[name]))
         for name in _RADII & vars(self).keys():
-            in_range(f"{where}: {name}", vars(self)[name], 0.0, np.inf, "Give a radius above zero, in m.", True)
+            in_range(f"{where}: {name}", vars(self)[name], *_SIZES, "Give a radius above zero, in m.")
         self.check_law(where)
         if "normal" in vars(self) and self.cone.tangent is not None:
             try:
@@ -65,6 +65,8 @@ class _Pair(SurfaceLaw):
 _VECTORS = frozenset(("center", "corner", "point", "partner_center", "start", "end", "half_sizes"))
 _DIRECTIONS = frozenset(("normal", "axis"))
 _RADII = frozenset(("radius", "partner_radius"))
+_SIZES = 1e-100, 1e100
+"""Least and largest size of a shape, m: squares of what is beyond are no numbers."""
 
 
 def _unit(where: str, value: Array) -> Array:
@@ -194,8 +196,8 @@ class BoxPlane(_Pair):
     def __post_init__(self) -> None:
         super().__post_init__()
         where = f"contact '{self.name}'"
-        if not np.all(self.half_sizes > 0.0):
-            raise InvalidInput(f"{where}: half_sizes", "one is not positive", "Give half of each edge, above zero.")
+        for size in self.half_sizes.tolist():
+            in_range(f"{where}: half_sizes", size, *_SIZES, "Give half of each edge, above zero, in m.")
         R = fixed_array(self.orientation, (3, 3), f"{where}: orientation")
         if np.max(np.abs(R.T @ R - np.eye(3))) > 1e-9 or np.linalg.det(R) < 0.0:
             what = "the matrix is not a rotation"

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from consilience.errors import InvalidInput
-from consilience.mechanism.spatial import Array, fixed_array
+from consilience.mechanism.spatial import Array, fixed_array, float_array
 
 _DEGREE = 5
 
@@ -126,8 +126,8 @@ class Function:
     table: Table | None = None
 
     def __post_init__(self) -> None:
-        c = np.atleast_1d(np.asarray(self.polynomial, dtype=float))
-        h = np.asarray(self.harmonics, dtype=float).reshape(-1, 3)
+        c = np.atleast_1d(float_array(self.polynomial, "function: polynomial", "Give numbers."))
+        h = float_array(self.harmonics, "function: harmonics", "Give numbers.").reshape(-1, 3)
         object.__setattr__(self, "polynomial", fixed_array(c, c.shape))
         object.__setattr__(self, "harmonics", fixed_array(h, h.shape))
 
@@ -169,4 +169,5 @@ def sine(amplitude: float, frequency: float, phase: float = 0.0) -> Function:
 
 def through(x: ArrayLike, y: ArrayLike, periodic: bool = False) -> Function:
     """Return a smooth curve through points, such as the profile of a cam."""
-    return Function(table=Table(np.asarray(x, dtype=float), np.asarray(y, dtype=float), periodic))
+    x, y = (float_array(values, f"table: {name}", "Give numbers.") for name, values in (("x", x), ("y", y)))
+    return Function(table=Table(x, y, periodic))

@@ -350,6 +350,7 @@ def require_states(mechanism: Mechanism, states: Iterable[State]) -> None:
     require(mechanism, Mechanism, "mechanism", remedy)
     if isinstance(states, State):
         raise InvalidInput("states", "it is one state, not a sequence of states", "Give a list: [state].")
+    require(states, Iterable, "states", "Give a list of states, for example of random_states.")
     for state in states:
         require(state, State, "state", "Give a State, for example initial_state(mechanism).")
         if len(state.p_WB) != len(mechanism.bodies):

@@ -6,14 +6,16 @@ size of a mechanism.
 
 from __future__ import annotations
 
+from numbers import Integral
+
 import numpy as np
 
-from consilience.errors import CannotAssemble
+from consilience.errors import CannotAssemble, InvalidInput, in_range
 from consilience.mechanism.assembly import assemble_positions, assemble_velocities, largest_residual
 from consilience.mechanism.branches import singular_pose
 from consilience.mechanism.constraints import RANK_TOLERANCE, null_space, scaled_jacobian, velocity_sizes
 from consilience.mechanism.contact_geometry import closing_rows, sharing_rows
-from consilience.mechanism.model import Mechanism, State
+from consilience.mechanism.model import Mechanism, State, require_states
 from consilience.mechanism.singular import move
 from consilience.mechanism.spatial import Array
 
@@ -57,7 +59,16 @@ def random_states(mechanism: Mechanism, start: State, count: int, seed: int, spe
         The same seed gives the same states.
     speed : float, rad/s and characteristic lengths per s
         Standard deviation of the velocity along each free direction.
+
+    Raises
+    ------
+    InvalidInput, CannotAssemble
     """
+    require_states(mechanism, (start,))
+    for name, number in (("count", count), ("seed", seed)):
+        if not isinstance(number, Integral) or number < 0:
+            raise InvalidInput(name, f"{number!r} is no integer of at least zero", "Give one, for example 10.")
+    in_range("speed", speed, 0.0, 1e100, "Give a speed in rad/s and characteristic lengths per s.")
     rng = np.random.default_rng(seed)
     sizes = velocity_sizes(mechanism)
     if mechanism.contacts or mechanism.stops:

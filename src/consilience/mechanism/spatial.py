@@ -20,6 +20,22 @@ Array = NDArray[Any]
 """An array; dtype, shape, frame and unit stand in the docstrings."""
 
 
+def float_array(value: ArrayLike, where: str, remedy: str) -> Array:
+    """Return an array as floats; refuse text, truth values, complex numbers and what is no array.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    try:
+        found = np.asarray(value)
+        if found.dtype.kind in "fiuO":
+            return np.array(found, dtype=float)
+    except (TypeError, ValueError):
+        pass
+    raise InvalidInput(where, "it is no array of numbers", remedy)
+
+
 def fixed_array(value: ArrayLike, shape: tuple[int, ...], where: str = "array", hint: str = "") -> Array:
     """Return a read-only copy of an array of finite numbers.
 
@@ -37,10 +53,7 @@ def fixed_array(value: ArrayLike, shape: tuple[int, ...], where: str = "array", 
     InvalidInput
         It holds no numbers, the shape is another one, or a component is not finite.
     """
-    try:
-        a = np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        raise InvalidInput(where, "it is no array of numbers", f"Give an array of shape {shape}.{hint}") from None
+    a = float_array(value, where, f"Give an array of shape {shape}.{hint}")
     if a.shape != shape:
         raise InvalidInput(where, f"shape {a.shape}", f"Give an array of shape {shape}.{hint}")
     if not np.isfinite(a).all():

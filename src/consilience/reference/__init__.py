@@ -15,6 +15,7 @@ from consilience.errors import NumericalFailure
 from consilience.reference.kernel.cache import announce_compilation
 
 if TYPE_CHECKING:
+    from consilience.reference.bodies.canonical import sample_times
     from consilience.reference.formulations.registry import FORMULATIONS, SYSTEMS, formulation, unsupported
     from consilience.reference.solver import accelerations, simulate
     from consilience.reference.states.assembly import initial_state
@@ -28,6 +29,7 @@ __all__ = [
     "accelerations",
     "formulation",
     "initial_state",
+    "sample_times",
     "simulate",
     "unsupported",
 ]
@@ -36,6 +38,7 @@ _MODULES = {
     **dict.fromkeys(("FORMULATIONS", "SYSTEMS", "formulation", "unsupported"), "formulations.registry"),
     **dict.fromkeys(("accelerations", "simulate"), "solver"),
     "initial_state": "states.assembly",
+    "sample_times": "bodies.canonical",
     "ForwardDynamics": "tree.forward_dynamics",
 }
 """Modules of the names that import Numba, which takes longer than many commands need."""

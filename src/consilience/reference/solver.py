@@ -6,9 +6,10 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from consilience.engine import InstantAnswer, TrajectoryAnswer
-from consilience.errors import InvalidInput, NumericalFailure, nearest
+from consilience.errors import InvalidInput, NumericalFailure, in_range, nearest
 from consilience.mechanism import (
     Array,
     Mechanism,
@@ -46,7 +47,7 @@ if TYPE_CHECKING:
 def simulate(
     mechanism: Mechanism,
     state: State,
-    times: Array,
+    times: ArrayLike,
     tolerance: float = 1e-12,
     formulation: str = "descriptor",
     integrator: str | None = None,
@@ -60,7 +61,7 @@ def simulate(
     mechanism : Mechanism
     state : State
         Consistent state at ``times[0]`` (see `consilience.mechanism.assembly`).
-    times : ndarray, shape (n_t,), s
+    times : array_like, shape (n_t,), s
         Increasing sample times.
     tolerance : float
         Bound on the scaled local error of a step, 1e-14 to 1e-3; for `generalised_alpha` its constant step, s.
@@ -94,18 +95,22 @@ def simulate(
         With the status of the integrator, or the time and the constraint that is violated beyond the tolerance.
     """
     require_states(mechanism, (state,))
+    grid = sample_times(times)
+    in_range("tolerance", tolerance, 0.0, np.inf, "Give a number, for example 1e-12.", True)
+    if not (forces is None or callable(forces)):
+        raise InvalidInput("forces", f"{forces!r} is no function", "Give a function of the time and the state.")
     registry.refuse_contacts(mechanism)
     refuse_steep_friction(mechanism)
     if integrator == "gauss":
         _refuse_rough_dampers(mechanism)
     if assemble:
-        state = assembled(mechanism, state, float(sample_times(times)[0]))
+        state = assembled(mechanism, state, float(grid[0]))
     if formulation in registry.SYSTEMS:
-        return _system(mechanism, state, times, tolerance, formulation, {"integrator": integrator, "forces": forces})
+        return _system(mechanism, state, grid, tolerance, formulation, {"integrator": integrator, "forces": forces})
     if not 1e-14 <= tolerance <= 1e-3:
         raise InvalidInput("tolerance", f"{tolerance} is out of range", "Choose 1e-14 to 1e-3.")
     try:
-        return _simulate(mechanism, state, sample_times(times), tolerance, formulation, integrator, forces)
+        return _simulate(mechanism, state, grid, tolerance, formulation, integrator, forces)
     except (NumericalFailure, np.linalg.LinAlgError) as error:
         raise NumericalFailure(f"{_said(error, formulation)}{_causes(mechanism, state)}") from None
 
@@ -298,7 +303,8 @@ def accelerations(
     Raises
     ------
     InvalidInput
-        Unknown formulation, or a mechanism that the formulation cannot represent.
+        Unknown formulation, a mechanism that the formulation cannot represent, or a state that is not consistent, as in
+        `simulate`.
     NumericalFailure
         If the accelerations are not finite, for example at a spring of no length, or do not satisfy a constraint: at a
         singular pose velocities may lead along no motion.
@@ -307,9 +313,13 @@ def accelerations(
 
     states = [states] if isinstance(states, State) else states
     require_states(mechanism, states)
+    in_range("t", t, -1e300, 1e300, "Give a time in s.")
+    registry.refuse_contacts(mechanism)
+    model, now = flatten(mechanism), np.array([float(t)])
+    for state in states:
+        check_given(mechanism, model, now, pack(mechanism, state))
     if formulation != "descriptor" or not len(states):
         return _accelerations(mechanism, states, formulation, t)
-    registry.refuse_contacts(mechanism)
     found, sound = instants(mechanism, list(states), float(t))
     for n in np.flatnonzero(~sound).tolist():
         own = _accelerations(mechanism, [states[n]], formulation, t)

@@ -8,7 +8,7 @@ example) has arrays of its own. A set that cannot be assembled or integrated cos
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from threading import Lock
@@ -18,8 +18,8 @@ from numpy.typing import ArrayLike
 
 from consilience.case import Case
 from consilience.engine import TrajectoryAnswer
-from consilience.errors import InvalidInput, NumericalFailure
-from consilience.mechanism import Array, Initial, Mechanism, State, drawing_state, initial_state
+from consilience.errors import InvalidInput, NumericalFailure, in_range, require
+from consilience.mechanism import Array, Initial, Mechanism, State, drawing_state, float_array, initial_state
 from consilience.mechanism.start import Start, checked_start
 from consilience.reference.analyses.parameters import change_of
 from consilience.reference.bodies.canonical import sample_times
@@ -35,25 +35,59 @@ _PARTS = 4
 """Number of parts for each thread, because sets are not equally fast."""
 
 
-def changed_cases(case: Case, parameters: Mapping[str, Array], grid: bool) -> list[Case]:
+def _refuse_contacts(mechanism: Mechanism) -> None:
+    try:
+        refuse_contacts(mechanism)
+    except InvalidInput as error:
+        what = "the compiled model of many motions has no contact, stop or friction that sticks"
+        remedy = "Simulate one by one: [consilience.simulate(mechanism, state, times) for state in states]."
+        raise InvalidInput(error.where, what, remedy) from None
+
+
+def starts_of(states: Iterable[State]) -> list[State]:
+    """Return the states that motions start from; refuse what is no sequence, and none.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    remedy = "Give a list of states, for example of random_states."
+    require(states, Iterable, "states", remedy)
+    if not (found := list(states)):
+        raise InvalidInput("states", "there are none", remedy)
+    return found
+
+
+def columns_of(parameters: Mapping[str, ArrayLike]) -> dict[str, Array]:
+    """Return the values of each parameter as an array of finite floats, shape (n,).
+
+    Raises
+    ------
+    InvalidInput
+    """
+    remedy = "Give values by name: {'upper.mass': [1.0, 2.0]}."
+    require(parameters, Mapping, "parameters", remedy)
+    if not parameters:
+        raise InvalidInput("parameters", "there are none", remedy)
+    return {path: _column(path, values) for path, values in parameters.items()}
+
+
+def changed_cases(case: Case, columns: Mapping[str, Array], grid: bool) -> list[Case]:
     """Return the case with all combinations of values of its parameters, or with one row of values after another.
 
     Parameters
     ----------
     case : Case
-    parameters : mapping of str to array_like, shape (n,)
-        Values by name (`parameters`).
+    columns : dict of str to ndarray, shape (n,)
+        Values by name (`columns_of`).
     grid : bool
         All combinations, the last parameter varied fastest; else arrays of one length are taken row by row.
 
     Raises
     ------
     InvalidInput
-        An unknown name, what is no list of numbers, lists of different lengths, or an impossible value.
+        An unknown name, lists of different lengths, or an impossible value.
     """
-    if not parameters:
-        raise InvalidInput("parameters", "there are none", "Give values by name: {'upper.mass': [1.0, 2.0]}.")
-    columns = {path: _column(path, values) for path, values in parameters.items()}
     lengths = {path: len(column) for path, column in columns.items()}
     if not grid and len(set(lengths.values())) > 1:
         what = ", ".join(f"{path} has {n}" for path, n in lengths.items())
@@ -68,12 +102,10 @@ def changed_cases(case: Case, parameters: Mapping[str, Array], grid: bool) -> li
 
 
 def _column(path: str, values: ArrayLike) -> Array:
-    try:
-        found = np.atleast_1d(np.asarray(values, dtype=float))
-    except (TypeError, ValueError):
-        found = np.zeros((0, 0))
+    remedy = "Give a list of numbers."
+    found = np.atleast_1d(float_array(values, f"parameter '{path}'", remedy))
     if found.ndim != 1 or not len(found) or not np.all(np.isfinite(found)):
-        raise InvalidInput(f"parameter '{path}'", "its values are no list of finite numbers", "Give a list of numbers.")
+        raise InvalidInput(f"parameter '{path}'", "its values are no list of finite numbers", remedy)
     return found
 
 
@@ -163,9 +195,8 @@ def simulate_many(
         A tolerance out of range, times that do not increase, contacts, or friction that no step resolves. What is wrong
         with one set is among the failures.
     """
-    if not 1e-14 <= tolerance <= 1e-3:
-        raise InvalidInput("tolerance", f"{tolerance} is out of range", "Choose 1e-14 to 1e-3.")
-    refuse_contacts(base)
+    in_range("tolerance", tolerance, 1e-14, 1e-3, "Choose 1e-14 to 1e-3.")
+    _refuse_contacts(base)
     for mechanism in mechanisms if base.frictions else ():
         refuse_steep_friction(mechanism)
     found, count, lock = ManyMotions.empty(len(mechanisms), sample_times(times), len(base.bodies)), [0], Lock()

@@ -6,21 +6,24 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from consilience.errors import InvalidInput
-from consilience.mechanism import Array, Mechanism, State, reaction_map, rotation_from_quaternion
+from consilience.mechanism import Array, Mechanism, State, float_array, reaction_map, rotation_from_quaternion
 from consilience.reference.kernel.compiled import kernel
 from consilience.reference.kernel.vectors import cross, load, rotate, store, sub
 
 
 def sample_times(times: ArrayLike) -> Array:
-    """Return the sample times as floats; refuse times that are not finite or do not increase.
+    """Return the sample times as floats; refuse what are no numbers, not finite or do not increase.
 
     Raises
     ------
     InvalidInput
     """
-    found = np.asarray(times, dtype=float)
-    if found.ndim != 1 or not _increase(found):
-        raise InvalidInput("times", "they do not increase", "Give finite, increasing sample times.")
+    remedy = "Give finite, increasing sample times in s."
+    found = float_array(times, "times", remedy)
+    if found.ndim != 1:
+        raise InvalidInput("times", f"they have shape {found.shape}", remedy)
+    if not _increase(found):
+        raise InvalidInput("times", "they do not increase", remedy)
     return found
 
 
