@@ -298,7 +298,7 @@ def tasks(answers_kept):
 )
 def test_a_fault_costs_its_mechanism_and_no_other(engine, evidence, tasks):
     """The faults show at the mechanism called ``first``, which stands in the middle of the message."""
-    limit = 6.0 * slowness()
+    limit = 3.0 * slowness()
     with EngineStream(engine, limit) as member:
         sheets = member.collect(member.submit_cases(tasks))
         again = member.collect(member.submit_cases(tasks[:1]))
