@@ -32,7 +32,7 @@ class _Pair(SurfaceLaw):
         for name in _DIRECTIONS & vars(self).keys():
             object.__setattr__(self, name, _unit(f"{where}: {name}", vars(self)[name]))
         for name in _RADII & vars(self).keys():
-            in_range(f"{where}: {name}", vars(self)[name], *_SIZES, "Give a radius above zero, in m.")
+            in_range(f"{where}: {name}", vars(self)[name], *_SIZES, "Give a radius above zero, 1e-100 to 1e100 m.")
         self.check_law(where)
         if "normal" in vars(self) and self.cone.tangent is not None:
             try:
@@ -197,7 +197,7 @@ class BoxPlane(_Pair):
         super().__post_init__()
         where = f"contact '{self.name}'"
         for size in self.half_sizes.tolist():
-            in_range(f"{where}: half_sizes", size, *_SIZES, "Give half of each edge, above zero, in m.")
+            in_range(f"{where}: half_sizes", size, *_SIZES, "Give half of each edge, above zero, 1e-100 to 1e100 m.")
         R = fixed_array(self.orientation, (3, 3), f"{where}: orientation")
         if np.max(np.abs(R.T @ R - np.eye(3))) > 1e-9 or np.linalg.det(R) < 0.0:
             what = "the matrix is not a rotation"
