@@ -9,9 +9,21 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
 from consilience.case import load_case
-from consilience.mechanism import Function
+from consilience.mechanism import (
+    GROUND,
+    Body,
+    Frame,
+    Function,
+    Joint,
+    Load,
+    Mechanism,
+    SpherePlane,
+    SphereSphere,
+    State,
+    quaternion_from_rotation,
+)
 from consilience.reference.contact import simulate_with_contacts
-from contact_problems import BALL, FEET, LEVEL, G, Lab, incline
+from contact_problems import BALL, FEET, LEVEL, G, Lab, incline, turned
 
 LAB = Lab()
 STATE, TIME = 1e-10, 1e-11
@@ -111,3 +123,41 @@ def test_what_a_turning_push_breaks_away_turns_at_once_and_asks_for_no_short_ste
     assert [*p, *v] == pytest.approx([x, y, 0.0, s * np.cos(th), s * np.sin(th), 0.0], abs=STATE)
     assert w == pytest.approx(np.zeros(3), abs=STATE)
     assert answer.counters["steps"] < 500  # explicit steps are hundreds of thousands
+
+
+@pytest.mark.parametrize("drawn", [np.eye(3), LAB.axes, turned(0.4, -0.3, 1.9)])
+@pytest.mark.parametrize("balls", [2, 3, 5])
+def test_a_row_of_balls_that_touch_is_pushed_and_rolls(balls, drawn):
+    """All roll with ``v = w r`` and slide on one another, upwards and downwards, under the forces P between them.
+
+    ``7/5 m a = P_i - P_{i+1} - mu (P_i + P_{i+1})``, where the push ``P_0 = F`` at the centre has no friction. The
+    axes of a ball come along the line of centres as it turns, or start there.
+    """
+    m, r, mu, push, end, R = 2.0, 0.1, 0.1, 20.0, 0.5, LAB.axes
+    here, centre = Frame(np.zeros(3), np.eye(3)), np.zeros(3)
+    p = LAB.origin + np.array([[2.0 * r * k, 0.0, r] for k in range(balls)]) @ R.T
+    bodies = tuple(Body(f"b{k}", m, centre, 0.4 * m * r * r * np.eye(3), Frame(p[k], drawn)) for k in range(balls))
+    floors = [SpherePlane(f"f{k}", f"b{k}", centre, r, GROUND, LAB.origin, R[:, 2], friction=0.3) for k in range(balls)]
+    between = [SphereSphere(f"s{k}", f"b{k + 1}", centre, r, f"b{k}", centre, r, friction=mu) for k in range(balls - 1)]
+    joints = tuple(Joint(f"free {b.name}", "free", GROUND, b.name, here, here) for b in bodies)
+    load = Load("push", "force", "b0", push * R[:, 0], "world")
+    mechanism = Mechanism("row", R @ LEVEL, bodies, joints, contacts=(*floors, *between), loads=(load,))
+    rest = np.zeros((balls, 3))
+    start = State(p, np.tile(quaternion_from_rotation(drawn), (balls, 1)), rest, rest)
+
+    pressed = np.zeros((balls, balls + 1))  # columns P_0 to P_n, the last of which is zero
+    pressed[np.arange(balls), np.arange(balls)] = 1.0 - mu
+    pressed[np.arange(balls), np.arange(balls) + 1] = -1.0 - mu
+    pressed[0, 0] = 1.0
+    unknown = np.column_stack([np.full(balls, 1.4 * m), -pressed[:, 1:balls]])
+    a, *P = np.linalg.solve(unknown, push * pressed[:, 0])
+    assert min(P) > 0.0
+    assert 0.4 * m * a + mu * (P[0] + max(P[1:], default=0.0)) < 0.3 * (m * G - mu * push)
+
+    answer, events = simulate_with_contacts(mechanism, start, np.linspace(0.0, end, 6), 1e-11)
+    assert not events
+    moved = (answer.p_WB[-1] - p) @ R
+    assert moved == pytest.approx(np.tile([0.5 * a * end**2, 0.0, 0.0], (balls, 1)), abs=STATE)
+    assert answer.w_WB_W[-1] @ R == pytest.approx(np.tile([0.0, a * end / r, 0.0], (balls, 1)), abs=STATE)
+    impulse = np.array([one @ R for one in np.sum(answer.contact_impulse, axis=0)[balls:]])
+    assert impulse == pytest.approx(end * np.outer(P, [1.0, 0.0, -mu]), abs=STATE)

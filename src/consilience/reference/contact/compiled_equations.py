@@ -10,6 +10,7 @@ import numpy as np
 from consilience.mechanism import Array
 from consilience.reference.bodies.arrays import workspace
 from consilience.reference.contact.derivative import (
+    CARRY,
     COLUMNS,
     EVALUATE,
     FOLLOW,
@@ -60,7 +61,7 @@ class CompiledEquations:
         self.rank, self.turns = np.array([q]), np.zeros(len(self.model.coordinate))
         self.offsets = np.array([one.offset for one in layout.friction])
         self._modes = record_of(room_for_modes(layout, self.rank))
-        record = self.model, layout.pairs, layout.limits, self.rows, self._ws, self._modes, self.turns, self.sums
+        record = self.model, layout.pairs.copy(), layout.limits, self.rows, self._ws, self._modes, self.turns, self.sums
         self.system = ContactSystem(*record)
         self._serve = BoundOperation(serve, self.system)
         self.kernel = Kernel(*self._serve.addresses)
@@ -80,6 +81,10 @@ class CompiledEquations:
         """Evaluate the rows at a packed state."""
         self._ask(MOVE, t, y, turns)
         return self.rows
+
+    def carry_tangents(self, t: float, y: Array, turns: Array) -> None:
+        """Let tangents that no law reads go on from those at a packed state (`pairs.carry_tangents`)."""
+        self._ask(CARRY, t, y, turns)
 
     def joint_rows(self, t: float, y: Array, turns: Array) -> tuple[Array, Array, Array]:
         """Return Q, the violations and the rates nu of the joints' rows at a packed state."""

@@ -19,13 +19,13 @@ from consilience.reference.bodies.motion import rotations, state_rates
 from consilience.reference.bodies.projection import move_bodies, normalise
 from consilience.reference.contact.algebra import add_row, dot_rows, hold, least_change, project_out, satisfy
 from consilience.reference.contact.layout import RowLayout
-from consilience.reference.contact.pairs import RowMotion, move_rows
+from consilience.reference.contact.pairs import RowMotion, carry_tangents, move_rows
 from consilience.reference.kernel.compiled import allocating, inner
 from consilience.reference.kernel.operation import allocating_operation, array_of
 from consilience.reference.kernel.vectors import assign
 from consilience.reference.steppers.motion import DERIVATIVE, END_STEP
 
-FORCES, OBSERVE, SAMPLE, MOVE, EVALUATE, FOLLOW, COLUMNS = range(4, 11)
+FORCES, OBSERVE, SAMPLE, MOVE, EVALUATE, FOLLOW, COLUMNS, CARRY = range(4, 12)
 """Requests to `serve`, besides those of `motion`; z is a packed state:
 
 - compute the forces on all rows, out of shape (m,), and the rows; return the determinant of the scaled system of the
@@ -35,7 +35,8 @@ FORCES, OBSERVE, SAMPLE, MOVE, EVALUATE, FOLLOW, COLUMNS = range(4, 11)
 - evaluate the rows of contacts;
 - evaluate the rows of contacts, those of joints and the applied forces;
 - replace the joint coordinates by their values;
-- write S and E at the last state, out of shape (2 r m,), see `_columns`.
+- write S and E at the last state, out of shape (2 r m,), see `_columns`;
+- evaluate the rows of contacts, and carry the tangents of spheres.
 """
 
 _CORRECTIONS = 4
@@ -340,6 +341,21 @@ def _sample(system: ContactSystem, t: float, y: Array, found: Array) -> None:
     found[at] = system.modes.rank[0]
 
 
+@allocating
+def _at_states(system: ContactSystem, request: int, size: int, z: Array, out: Array) -> None:
+    """Answer OBSERVE or SAMPLE at states, `size` numbers each."""
+    turns = system.turns
+    count = z.shape[0] // (1 + size + (turns.shape[0] if request == SAMPLE else 0))
+    states, found = z.reshape(count, -1), out.reshape(count, -1)
+    for k in range(count):
+        at, y = states[k, 0], states[k, 1 : 1 + size].reshape(-1, 13)
+        if request == SAMPLE:
+            assign(turns, states[k, 1 + size :])
+            _sample(system, at, y, found[k])
+        else:
+            _observe(system, at, y, found[k])
+
+
 @allocating_operation
 def serve(system: ContactSystem, request: int, t: float, z: Array, out: Array) -> float:
     """Answer the requests DERIVATIVE and END_STEP of `motion`, without samples, and those of this module.
@@ -362,16 +378,7 @@ def serve(system: ContactSystem, request: int, t: float, z: Array, out: Array) -
     elif request == FORCES:
         return _accelerations(system, t, y, np.zeros(6 * bodies), result)
     elif request in (OBSERVE, SAMPLE):
-        turns = system.turns
-        count = state.shape[0] // (1 + size + (turns.shape[0] if request == SAMPLE else 0))
-        states, found = state.reshape(count, -1), result.reshape(count, -1)
-        for k in range(count):
-            at, y = states[k, 0], states[k, 1 : 1 + size].reshape(-1, 13)
-            if request == SAMPLE:
-                assign(turns, states[k, 1 + size :])
-                _sample(system, at, y, found[k])
-            else:
-                _observe(system, at, y, found[k])
+        _at_states(system, request, size, state, result)
     elif request == COLUMNS:
         both = result.reshape(2, -1, rows.u.shape[0])
         _columns(system.modes, rows, both[0], both[1], np.zeros(rows.u.shape[0]))
@@ -383,4 +390,6 @@ def serve(system: ContactSystem, request: int, t: float, z: Array, out: Array) -
         if request == EVALUATE:
             forces.evaluate(model, t, y, system.turns, ws)
             constraints.evaluate(model, t, y, system.turns, ws)
+        elif request == CARRY:
+            carry_tangents(system.pairs, ws.A, rows)
     return 0.0

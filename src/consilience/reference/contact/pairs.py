@@ -32,7 +32,7 @@ from consilience.reference.bodies.joint_rows import coordinate, place
 from consilience.reference.bodies.motion import ZERO, add_coefficients, arm, motion
 from consilience.reference.kernel.compiled import inner, kernel
 from consilience.reference.kernel.record_type import INT, record_type
-from consilience.reference.kernel.vectors import Vector, add, cross, dot, load, scale, store, sub
+from consilience.reference.kernel.vectors import Vector, add, cross, dot, load, rotate_back, scale, store, sub
 
 PLANE, SPHERE, DISC = 0, 1, 2
 
@@ -48,6 +48,7 @@ PAIR = record_type(
     ("radius", float),
     ("partner_radius", float),
     ("turning", INT),  # first of its three rows of relative rotation; -1: none
+    ("carried", INT),  # 1: no law reads the tangent, see `carry_tangents`
 )
 """Pair of shapes; vectors in axes of their bodies."""
 
@@ -101,6 +102,7 @@ def pairs_of(mechanism: Mechanism, contacts: tuple[Any, ...]) -> Array:
         pair["normal"] = (0.0, 0.0, 0.0) if spheres else c.normal
         pair["axis"] = getattr(c, "axis", (0.0, 0.0, 0.0))
         pair["tangent"], pair["turning"] = _tangent(c, spheres), -1
+        pair["carried"] = spheres and c.cone.kind == "circle"
         if c.torsional > 0.0 or c.rolling > 0.0:
             pair["turning"] = turning
             turning += 3
@@ -221,6 +223,18 @@ def _move_pair(pair: Any, k: int, y: Array, A: Array, found: RowMotion) -> None:
             found.u[row], found.bias[row] = dot(e, turn), dot(n_dot if axis == 0 else cross(w_p, e), turn)
             add_coefficients(found.J, row, A, b, 1.0, ZERO, e)
             add_coefficients(found.J, row, A, p, -1.0, ZERO, e)
+
+
+@inner
+def carry_tangents(pairs: Array, A: Array, found: RowMotion) -> None:
+    """Let the tangents of spheres go on from t1 as it is: a fixed one of the partner may come along the normal.
+
+    Parameters as in `move_rows`; `found` has been evaluated there.
+    """
+    for k in range(pairs.shape[0]):
+        if pairs[k].carried:
+            t1, p = load(found.frame[k, 1]), pairs[k].partner
+            store(pairs[k].tangent, rotate_back(A[p], t1) if p >= 0 else t1, 1.0)
 
 
 @kernel

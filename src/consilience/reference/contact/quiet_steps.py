@@ -14,7 +14,7 @@ import numpy as np
 
 from consilience.mechanism import Array
 from consilience.reference.contact.algebra import dot_rows
-from consilience.reference.contact.derivative import FORCES, OBSERVE, SAMPLE, ActiveModes
+from consilience.reference.contact.derivative import CARRY, FORCES, OBSERVE, SAMPLE, ActiveModes
 from consilience.reference.contact.pairs import RowMotion
 from consilience.reference.kernel.compiled import inner
 from consilience.reference.kernel.operation import allocating_operation, array_of
@@ -321,6 +321,7 @@ def _take(arrays: MarchArrays, t: float, reached: float, start: Array, end: Arra
     for b in range(now.bodies):
         for i in range(3):
             now.speed = max(now.speed, abs(end[13 * b + 7 + i]), now.length * abs(end[13 * b + 10 + i]))
+    ask(motion.mechanism, CARRY, reached, end, arrays.force)
     assign(start, end)
     now.h, now.fresh = now.next, 0
     motion.run[0].steps += 1

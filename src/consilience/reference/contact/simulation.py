@@ -95,6 +95,7 @@ class ContactSimulation:
         start = self.stepper.t, self.stepper.y, self.stepper.turns
         refuse_overlap(self.equations, start, TOUCHING * self.length, metre)
         self.equations.press(TOUCHING * self.length)
+        self.equations.carry_tangents(*start)
         self._settle(frozenset(), {}, frozenset(), first=True)
         ends = ends_of_steps(self.layout.mechanism, self.stepper.t, float(self.times[-1]))
         try:
@@ -141,6 +142,7 @@ class ContactSimulation:
     def _advance(self, bound: float) -> None:
         """Take one step, to its first event if there is one."""
         stepper = self.stepper
+        self.equations.carry_tangents(stepper.t, stepper.y, stepper.turns)
         self.slips.turn(stepper, self.speed)
         room = self.functions.room(stepper)
         if stepper.drifts or room <= CLEAR:
