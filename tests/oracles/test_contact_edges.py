@@ -161,3 +161,19 @@ def test_a_row_of_balls_that_touch_is_pushed_and_rolls(balls, drawn):
     assert answer.w_WB_W[-1] @ R == pytest.approx(np.tile([0.0, a * end / r, 0.0], (balls, 1)), abs=STATE)
     impulse = np.array([one @ R for one in np.sum(answer.contact_impulse, axis=0)[balls:]])
     assert impulse == pytest.approx(end * np.outer(P, [1.0, 0.0, -mu]), abs=STATE)
+
+
+@pytest.mark.parametrize("tilt", [0.05, 0.15, 0.3])
+@pytest.mark.parametrize("across", [(0.0,), (-0.1, 0.1)])
+def test_a_box_that_rocks_to_rest_loses_the_weight_times_the_fall_of_its_centre(across, tilt):
+    """It starts at rest on an edge, on two feet or four, and lies flat in the end: all of m g (z - c) is lost."""
+    m, a, c = 2.0, 0.1, 0.2
+    law = {"friction": 0.6, "restitution": 0.3}
+    feet = LAB.points([(x, y, -c) for x in (-a, a) for y in across], **law)
+    mechanism = LAB.free_body(m, (m * 0.05 / 3.0, m * 0.05 / 3.0, m * 0.02 / 3.0), LEVEL, feet)
+    z = a * np.sin(tilt) + c * np.cos(tilt)
+    start = LAB.state((0.0, 0.0, z), (0.0, 0.0, 0.0), turn=turned(0.0, tilt, 0.0))
+    answer, _ = simulate_with_contacts(mechanism, start, np.array([0.0, 1.5]), 1e-11)
+    p, v, w = LAB.centre(answer)
+    assert [p[2], *v, *w] == pytest.approx([c, *np.zeros(6)], abs=STATE)
+    assert answer.contact_loss[-1] == pytest.approx(m * G * (z - c), abs=1e-11)

@@ -197,3 +197,21 @@ def test_contacts_that_do_not_act_on_one_another_keep_their_laws_at_one_instant(
         *(np.kron(np.eye(2), G), np.tile(before, 2), ("c",) * 6, (0, 3)), (one, FrictionSet("d", (4, 5), 0.3, 0.3, 3))
     )
     np.testing.assert_allclose(solve_impulse(both, np.tile(e, 2), laws).impulse, np.concatenate(alone), atol=1e-14)
+
+
+@pytest.mark.parametrize("law", ["newton", "moreau"])
+@pytest.mark.parametrize("slip", [(0.0, 0.0), (9e-7, 0.0), (-9e-7, 0.0), (3e-7, -8e-7)])
+def test_slip_below_that_of_rest_has_no_direction(law, slip):
+    # the tip of a rod strikes and sticks: N = (1 + e) u / (G_nn - G_nt^2 / G_tt), T = -G_nt / G_tt N, within the cone
+    problem, e = rod(1.3, 0.9), 0.3
+    n, t = problem.normals[0], problem.friction[0].rows[0]
+    G = problem.delassus
+    N = (1.0 + e) / (G[n, n] - G[n, t] ** 2 / G[t, t])
+    expected = np.zeros(3)
+    expected[[n, t]] = N, -G[n, t] / G[t, t] * N
+    assert abs(expected[t]) < 0.9 * N
+    free = np.zeros(3)
+    free[[n, *problem.friction[0].rows]] = -1.0, *slip
+    found = solve_impulse(replace(problem, free=free), np.array([e]), law, at_rest=1e-6)
+    np.testing.assert_allclose(found.impulse, expected, atol=1e-5)
+    assert found.modes == ("sticking",)

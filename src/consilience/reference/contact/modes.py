@@ -89,6 +89,7 @@ class _ModeTrial:
         self.vt_before = law.before - np.sum(law.before * n, axis=1)[:, None] * n
         speed = np.linalg.norm(self.vt_before, axis=1)
         self.slides = speed > law.at_rest
+        self.vt_before[~self.slides] = 0.0
         # t1 opposes the sliding, or is any tangent
         self.t1 = np.array(
             [

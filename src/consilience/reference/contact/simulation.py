@@ -281,7 +281,7 @@ class ContactSimulation:
         for j in started:  # from rest
             at = list(self.layout.friction[j].rows)
             sliding[at] *= float(np.linalg.norm(rows.u[at])) > still
-        halted, response = self._halt(stopped, sliding) if stopped else ([], response)
+        halted, response = self._halt(stopped, sliding, touching) if stopped else ([], response)
         previous = None if hit or first else before
         with telling_time(self.stepper.t):
             found = self._decide(response, touching, sliding, previous, opened, started)
@@ -294,18 +294,22 @@ class ContactSimulation:
         self.quiet.watch(self.functions.watches, found.modes)
         self.bounces.note(found)
 
-    def _halt(self, stopped: frozenset[int], sliding: Array) -> tuple[list[int], Response]:
+    def _halt(self, stopped: frozenset[int], sliding: Array, touching: Array) -> tuple[list[int], Response]:
         """Halt friction sets, in `sliding` too, with those that move no more then; return their rows, and the response.
 
-        What moves as one stops as one: what is nearly at rest, and what is without those.
+        What moves as one stops as one: what is nearly at rest, and what is without those. What does not touch has no
+        part in it: a point that is slow while it flies would be held.
         """
         stepper, still = self.stepper, STOPPED * self.speed
-        sets = [list(one.rows) for one in self.layout.friction]
-        at_rest = {j for j, at in enumerate(sets) if j in stopped or float(np.linalg.norm(sliding[at])) <= still}
+        layout, pressed = self.layout, self.equations.pressed
+        apart = {row for row, touches in zip(layout.normals, touching, strict=True) if not touches}
+        apart |= {3 * k for k, carries in zip(layout.springs, pressed, strict=True) if not carries}
+        sets = {j: list(one.rows) for j, one in enumerate(layout.friction) if one.load not in apart}
+        at_rest = {j for j, at in sets.items() if j in stopped or float(np.linalg.norm(sliding[at])) <= still}
         stepper.halt([row for j in at_rest for row in sets[j]])
         response = stepper.respond(stepper.t, stepper.y)
         u = self.equations.rows.u  # without them
-        at_rest |= {j for j, at in enumerate(sets) if float(np.linalg.norm(u[at])) <= STILL * self._speeds()}
+        at_rest |= {j for j, at in sets.items() if float(np.linalg.norm(u[at])) <= STILL * self._speeds()}
         halted = [row for j in sorted(at_rest) for row in sets[j]]
         sliding[halted] = 0.0
         return halted, response
