@@ -36,6 +36,7 @@ SHAPE = np.sin(3 * TIMES) * TIMES / 1.46
 """Errors over time: largest 1.0 at 1.7 s, zero at the start."""
 
 STEPS = (0.02, 0.01, 0.005)
+FIVE = (0.02, 0.01, 0.005, 0.0025, 0.00125)
 
 
 def motion(displacement: object = 0.0) -> TrajectoryAnswer:
@@ -78,13 +79,15 @@ class Situation:
     singular: int | None = None
     event: str = ""
     contacts: int = 1
+    times: int = 1
     other: str = ""
     velocity: float = 1.0
     velocity_slope: float = 0.0
 
     def judge(self) -> Comparison:
         """Verdict of the rules on this error."""
-        levels = {"tolerances": self.steps} if self.tolerances else {"substeps": (10, 20, 40, 80)[: len(self.steps)]}
+        substeps = tuple(10 * 2**n for n in range(len(self.steps)))
+        levels = {"tolerances": self.steps} if self.tolerances else {"substeps": substeps}
         method = Method(
             "m", Route.NATIVE, self.order, profile=self.profile, softness=1.0 if self.soft else None, **levels
         )
@@ -105,14 +108,14 @@ class Situation:
         return compare_trajectory(MECHANISM, runs, yard, softer, self.earlier, self.lost)
 
     def _with_events(self) -> TrajectoryAnswer:
-        """The true motion, with an event of some contacts; what reverses slides from the start."""
+        """The true motion, with an event of some contacts, or more of them; what reverses slides from the start."""
         if not self.event:
             return TRUE
         kind = EVENT_KINDS.index("slips" if self.event == "reverses" else self.event)
         events = {
-            "event_time": np.repeat(HIT, self.contacts),
-            "event_kind": np.full(self.contacts, kind),
-            "event_contact": np.arange(self.contacts),
+            "event_time": np.repeat(HIT * np.arange(1, self.times + 1) / self.times, self.contacts),
+            "event_kind": np.full(self.times * self.contacts, kind),
+            "event_contact": np.tile(np.arange(self.contacts), self.times),
         }
         modes = np.full((len(TIMES), self.contacts), CONTACT_MODES.index("sliding"))
         return replace(TRUE, **events, **({"contact_mode": modes} if self.event == "reverses" else {}))
@@ -229,6 +232,38 @@ SITUATIONS = (
         M,
         "impacts elsewhere",
         event="impact",
+    ),
+    Situation(
+        "many impacts, whose bound hides gravity, and levels that do not",
+        phase(0.2),
+        D,
+        "impacts within steps",
+        order=1,
+        steps=FIVE,
+        event="impact",
+        times=40,
+        effect=0.05,
+    ),
+    Situation(
+        "many impacts, whose bound hides gravity, at three levels",
+        phase(0.2),
+        U,
+        "no power",
+        order=1,
+        event="impact",
+        times=40,
+        effect=0.05,
+    ),
+    Situation(
+        "many impacts, whose bound hides what the levels do not show",
+        lambda h, s: 0.02 + phase(0.2)(h, s),
+        U,
+        "no power",
+        order=1,
+        steps=FIVE,
+        event="impact",
+        times=40,
+        effect=0.05,
     ),
     Situation(
         "a stop within a step, extrapolated", lambda h, s: 0.3 * h**2, D, "modes within steps", order=4, event="sticks"

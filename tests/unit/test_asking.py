@@ -177,6 +177,14 @@ def test_levels_that_cost_little_are_asked_until_the_bound_of_impacts_has_power(
     assert asked(lambda h, s: 1e-2 * h, yard=yard) == ([10 * 2**n for n in range(8)], [])
 
 
+def test_a_difference_that_does_not_fall_is_followed_beyond_what_impacts_excuse():
+    # twice the rate 1/s times the step: 2.5e-3 at 40 substeps, 6.2e-4 at 160; 2e-3 is more than twice as much there
+    hit = {"event_time": np.array([0.5]), "event_contact": np.array([0]), "event_kind": np.array([0])}
+    yard = replace(YARD, answer=replace(TRUE, **hit))
+    assert asked(lambda h, s: 2e-3, yard=yard)[0] == [*THREE, 80, 160]
+    assert asked(lambda h, s: 1.6 * h, yard=yard)[0] == THREE
+
+
 def test_a_finer_level_has_to_be_afforded():
     assert asked(lambda h, s: 1e-2 * h, cpu=LEVEL_BUDGET / 2.0) == (THREE, [])
 

@@ -95,6 +95,9 @@ class Evidence:
         where the levels do not shrink with the step.
     settled : float
         Difference of the limit along which levels draw together (`uncertainty.off_where_closing`); infinite if unknown.
+    scatter : float
+        The larger of envelope and band where the levels are too many to share a late impact by chance; infinite
+        otherwise.
     phase : float
         Largest displacement by impacts that come up to a step early or late: twice the largest rate of the motion times
         the finest step and the number of impacts. Levels of halved steps share their grid, so that an envelope alone
@@ -151,6 +154,7 @@ class Evidence:
     impacts: bool = False
     together: float = math.inf
     envelope: float | None = None
+    scatter: float = math.inf
     settled: float = math.inf
     phase: float = 0.0
     jumps: float = 0.0
@@ -225,6 +229,21 @@ class Evidence:
         return self.impacts and self.saturation <= LINEAR and self.finest <= self.impact_bound + self.allowed
 
     @property
+    def by_scatter(self) -> bool:
+        """Whether the scatter of the levels explains the difference, and the bound of phases alone has no power.
+
+        With one late step for each impact that bound hides gross errors where many impacts follow one another. Then no
+        difference beyond the scatter is excused.
+        """
+        scatter, bound = self.scatter + self.allowed, self.impact_bound + self.allowed
+        return self.within_phase and self.finest <= scatter < bound and self._hidden(bound) != ""
+
+    @property
+    def impact_passes(self) -> float:
+        """Largest difference that impacts within steps excuse."""
+        return (self.scatter if self.by_scatter else self.impact_bound) + self.allowed
+
+    @property
     def within_jumps(self) -> bool:
         """Whether changes of mode at any phase of a step explain the difference, by levels far from saturation.
 
@@ -282,7 +301,7 @@ class Evidence:
             near = self.finest <= CANCELLED * self.allowed  # another model's difference may cancel that of the steps
             return max(self.largest_limit, (self.finest + self.allowed) / 2.0 if near else 0.0)
         if self.within_phase:
-            return self.impact_bound + self.allowed
+            return self.impact_passes
         if self.within_jumps:
             return self.jumps + self.allowed
         share = OTHER_LAW if self.softness_proved else EXPLAINED
@@ -301,11 +320,15 @@ class Evidence:
             or self.within_jumps
             or (not self.earlier and self.softness_explains)
         )
-        if not passed or not self.effects:
+        return self._hidden(self.passes) if passed else ""
+
+    def _hidden(self, passes: float) -> str:
+        """Return the parameter whose largest error stays below differences that pass; empty if none does."""
+        if not self.effects:
             return ""
         shown = {of: effect for of, effect in self.effects.items() if effect * LARGEST > self.allowed}
         of, effect = min((shown or self.effects).items(), key=lambda item: item[1] if shown else -item[1])
-        return of if effect * LARGEST <= self.passes else ""
+        return of if effect * LARGEST <= passes else ""
 
     @property
     def observed(self) -> str:

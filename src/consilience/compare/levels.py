@@ -166,12 +166,19 @@ class Levels:
             jumps=self._jumps(float(time[last])),
             untried=method is not None and method.softness is not None and not self.softer,
             envelope=ladder.envelope,
+            scatter=self._scatter(),
             settled=ladder.settled_limit,
             touching=bool(self.mechanism.contacts),
             off_soft=self._off_soft(),
             **self._other_law(),
         )
         return found if found.finest <= found.allowed or found.converges_here else self._with_rates(found)
+
+    def _scatter(self) -> float:
+        """Return the error of the finest level by envelope and band; infinite for few levels or without an envelope."""
+        envelope, band = self.ladder.envelope, self.ladder.band
+        unlike = len(self.runs) >= uncertainty.UNLIKE_LEVELS
+        return np.inf if envelope is None or band is None or not unlike else max(envelope, band)
 
     def _with_rates(self, found: Evidence) -> Evidence:
         """Add the rates that the finest step has to resolve; zero for tolerances."""

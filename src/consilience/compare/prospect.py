@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from consilience.compare import softness, uncertainty
 from consilience.compare.levels import Levels
 from consilience.compare.reference_motion import ReferenceMotion
 from consilience.compare.result import Verdict
-from consilience.compare.rules import BY_CHANCE, ELSEWHERE, NO_POWER, decide
+from consilience.compare.rules import BY_CHANCE, ELSEWHERE, NO_POWER, WITHIN_PHASE, decide
 from consilience.engine import Run
 from consilience.mechanism import Mechanism
 
@@ -53,7 +55,9 @@ class Prospect:
         evidence = levels.evidence()
         rule, _ = decide(evidence)
         chance = not evidence.clean and len(levels.steps) <= uncertainty.LEAST_LEVELS  # three have an order by chance
-        if rule.name == NO_POWER or (rule.name == ELSEWHERE and (chance or evidence.just_beyond)):
+        just_beyond = rule.name == ELSEWHERE and (chance or evidence.just_beyond)
+        just_within = rule.name == WITHIN_PHASE and (evidence.by_scatter or _stalls(levels, evidence.impact_passes))
+        if rule.name == NO_POWER or just_beyond or just_within:
             return cls(rule.verdict, False, True)  # a finer level has a narrower band
         if rule.verdict is not Verdict.DISCRETISATION:
             steady = levels.ladder.change <= softness.EXPLAINED * evidence.finest
@@ -61,3 +65,13 @@ class Prospect:
         assert evidence.declared is not None
         near = evidence.finest / uncertainty.ratio_of(levels.steps) ** evidence.declared <= evidence.allowed
         return cls(rule.verdict, not near, near)
+
+
+def _stalls(levels: Levels, excused: float) -> bool:
+    """Whether the difference is more than half of what impacts excuse, and has not fallen with the last step.
+
+    Errors of impacts fall with the step, at any phase in the long run. What does not is soon beyond their bound.
+    """
+    before, last = (float(np.max(error[: levels.judged], initial=0.0)) for error in levels.errors[-2:])
+    fallen = before / uncertainty.ratio_of(levels.steps) ** uncertainty.LEAST_ORDER
+    return last > max(fallen, excused / 2.0)

@@ -24,6 +24,9 @@ JUMP = 1e9
 NO_POWER, BY_CHANCE, ELSEWHERE = "no power", "agreement by chance", "elsewhere"
 """Names of rules: a gross error would pass; errors of the steps and of the model cancel; another motion."""
 
+WITHIN_PHASE = "impacts within steps"
+"""Name of the rule that impacts at any phase of a step explain a difference."""
+
 POWERLESS = f"an error of {100 * LARGEST:.0f} % in something that acts at the digits asked would pass"
 
 
@@ -180,12 +183,12 @@ RULES: tuple[Rule, ...] = (
         final=True,
     ),
     Rule(
-        "impacts within steps",
+        WITHIN_PHASE,
         Verdict.DISCRETISATION,
         "bodies hit one another, and the difference is within what impacts at any phase of a step can make",
         lambda e: e.within_phase,
         lambda e: (
-            f"differs by {e.finest:.2g}, impacts within steps by up to {e.impact_bound:.2g}: smaller ones lead closer"
+            f"differs by {e.finest:.2g}, impacts within steps by up to {e.impact_passes:.2g}: smaller ones lead closer"
         ),
     ),
     *(_law_rule(*law) for law in OTHER_LAWS),

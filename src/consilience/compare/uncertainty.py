@@ -51,6 +51,9 @@ ROUNDING = 1e-11
 LEAST_LEVELS = 3
 """Levels that have an order, which may be one by chance."""
 
+UNLIKE_LEVELS = 5
+"""Levels of halved steps of which an impact is late at one instant in all by a chance of 1/16, and several never."""
+
 MOST_LEVELS = 8
 LEVEL_BUDGET = 5.0
 """Largest number of levels of a method, and largest CPU time in s that a further level may take."""
