@@ -32,7 +32,7 @@ from consilience.mechanism.elements import NO_LENGTH
 from consilience.mechanism.rates import LEAST_SPEED
 from consilience.reference.bodies.arrays import flatten, pack, workspace
 from consilience.reference.bodies.canonical import canonical_motion, sample_times
-from consilience.reference.bodies.consistency import check_given, check_motion, check_solvable
+from consilience.reference.bodies.consistency import check_given, check_motion, check_solvable, check_states
 from consilience.reference.bodies.forces import count_turns
 from consilience.reference.bodies.residual import SOLVABLE, checked_rows, solvable_rows
 from consilience.reference.formulations import registry
@@ -315,9 +315,7 @@ def accelerations(
     require_states(mechanism, states)
     in_range("t", t, -1e300, 1e300, "Give a time in s.")
     registry.refuse_contacts(mechanism)
-    model, now = flatten(mechanism), np.array([float(t)])
-    for state in states:
-        check_given(mechanism, model, now, pack(mechanism, state))
+    check_states(mechanism, states, float(t))
     if formulation != "descriptor" or not len(states):
         return _accelerations(mechanism, states, formulation, t)
     found, sound = instants(mechanism, list(states), float(t))

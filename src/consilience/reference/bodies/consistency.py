@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import lru_cache
+
 import numpy as np
 
 from consilience.errors import InvalidInput, NumericalFailure
-from consilience.mechanism import RANK_TOLERANCE, Array, Mechanism, row_names
-from consilience.reference.bodies.arrays import ROWS, Model, Workspace
+from consilience.mechanism import RANK_TOLERANCE, Array, Mechanism, State, row_names
+from consilience.reference.bodies.arrays import ROWS, Model, Workspace, flatten, pack
 from consilience.reference.bodies.residual import (
     CONSISTENT,
     POSITION,
@@ -59,6 +62,26 @@ def check_given(mechanism: Mechanism, model: Model, times: Array, y: Array) -> N
     found, A = np.zeros(TURNS + 2 * len(model.coupling)), np.empty((len(model.mass), 3, 3))
     if first_violation(checked_rows(model), times[:1], y[None], A, CONSISTENT, found) >= 0:
         refuse_inconsistent(mechanism, model, found, times[0])
+
+
+@lru_cache(maxsize=8)  # one mechanism at many states
+def _rows_of(mechanism: Mechanism) -> tuple[Model, CheckedRows]:
+    model = flatten(mechanism)
+    return model, checked_rows(model)
+
+
+def check_states(mechanism: Mechanism, states: Sequence[State], t: float) -> None:
+    """Refuse states that are not consistent at the time t, as `check_given`.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    model, rows = _rows_of(mechanism)
+    found, A = np.zeros(TURNS + 2 * len(model.coupling)), np.empty((len(model.mass), 3, 3))
+    packed = np.array([pack(mechanism, state) for state in states])
+    if len(packed) and first_violation(rows, np.full(len(packed), t), packed, A, CONSISTENT, found) >= 0:
+        refuse_inconsistent(mechanism, model, found, t)
 
 
 def check_motion(
