@@ -175,10 +175,14 @@ class Levels:
         return found if found.finest <= found.allowed or found.converges_here else self._with_rates(found)
 
     def _scatter(self) -> float:
-        """Return the error of the finest level by envelope and band; infinite for few levels or without an envelope."""
+        """Return the error of the finest level by envelope and band; infinite for few levels or without an envelope.
+
+        Errors at random phases have an order by chance, so that the band is that of a doubtful ladder.
+        """
         envelope, band = self.ladder.envelope, self.ladder.band
-        unlike = len(self.runs) >= uncertainty.UNLIKE_LEVELS
-        return np.inf if envelope is None or band is None or not unlike else max(envelope, band)
+        if envelope is None or band is None or len(self.runs) < uncertainty.UNLIKE_LEVELS:
+            return np.inf
+        return max(envelope, band * uncertainty.CAUTIOUS / uncertainty.SAFE if self.ladder.asymptotic else band)
 
     def _with_rates(self, found: Evidence) -> Evidence:
         """Add the rates that the finest step has to resolve; zero for tolerances."""
