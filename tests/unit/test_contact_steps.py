@@ -92,7 +92,7 @@ def test_feet_that_turn_about_one_axis_halt_together_though_one_moves_faster():
     simulation = ContactSimulation(mechanism, moving, np.array([0.0, 1.0]), 1e-10)
     slips = simulation.equations.rows.u.copy()
     assert near * w < STOPPED * simulation.speed < reach * w
-    halted, _ = simulation._halt(frozenset([0]), slips)
+    halted, _ = simulation._halt(frozenset([0]), slips, np.ones(2, dtype=bool))
     assert halted == [row for one in simulation.layout.friction for row in one.rows]
     assert not np.any(slips[halted])
     assert simulation.stepper.state().w_WB_W == pytest.approx(0.0, abs=1e-20)

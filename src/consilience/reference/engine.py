@@ -32,7 +32,7 @@ from consilience.mechanism import (
     telling_si,
 )
 from consilience.reference.formulations import registry
-from consilience.reference.solver import accelerations, refuse_steep_friction, simulate
+from consilience.reference.solver import accelerations_at, refuse_steep_friction, simulate
 
 _INSTANTS = ("descriptor", "null_space")
 """Formulations for accelerations and reactions when none is named."""
@@ -140,7 +140,7 @@ class ReferenceEngine:
         units = own_units(mechanism)
         own = kept_in_units(mechanism, units)
         with telling_si(units):
-            return units.inverse.convert(accelerations(own, [units.convert(state) for state in states], method.name))
+            return units.inverse.convert(accelerations_at(own, [units.convert(state) for state in states], method.name))
 
     def trajectory(
         self, mechanism: Mechanism, state: State, times: Array, method: Method, step: float

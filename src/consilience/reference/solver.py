@@ -309,13 +309,20 @@ def accelerations(
         If the accelerations are not finite, for example at a spring of no length, or do not satisfy a constraint: at a
         singular pose velocities may lead along no motion.
     """
-    from consilience.reference.states.instants import instants  # noqa: PLC0415 - motions need none of its kernels
-
     states = [states] if isinstance(states, State) else states
     require_states(mechanism, states)
     in_range("t", t, -1e300, 1e300, "Give a time in s.")
-    registry.refuse_contacts(mechanism)
     check_states(mechanism, states, float(t))
+    return accelerations_at(mechanism, states, formulation, t)
+
+
+def accelerations_at(
+    mechanism: Mechanism, states: Sequence[State], formulation: str = "descriptor", t: float = 0.0
+) -> InstantAnswer:
+    """Compute accelerations as `accelerations`, at states that are known to be consistent."""
+    from consilience.reference.states.instants import instants  # noqa: PLC0415 - motions need none of its kernels
+
+    registry.refuse_contacts(mechanism)
     if formulation != "descriptor" or not len(states):
         return _accelerations(mechanism, states, formulation, t)
     found, sound = instants(mechanism, list(states), float(t))
