@@ -147,7 +147,7 @@ def simulate(
     InvalidInput, CannotAssemble, NumericalFailure
     """
     # names of the library are imported at their first use, and here where they are used: each costs a microsecond
-    from consilience.errors import InvalidInput, in_range  # noqa: PLC0415
+    from consilience.errors import InvalidInput  # noqa: PLC0415
     from consilience.mechanism import Mechanism  # noqa: PLC0415
     from consilience.reference import simulate as integrate  # noqa: PLC0415
     from consilience.report.simulation import Simulation  # noqa: PLC0415
@@ -163,7 +163,6 @@ def simulate(
         from consilience.reference import initial_state  # noqa: PLC0415
 
         state = initial_state(mechanism)
-    in_range("tolerance", tolerance, 0.0, 1e300, "Give a number, for example 1e-12.", True)
     form = formulation or ("relative" if forces is None else "descriptor")
     if _touches(mechanism) and formulation is None and forces is None and integrator is None:
         from consilience.mechanism import assembled  # noqa: PLC0415

@@ -108,12 +108,16 @@ def decide_lasting(
     for one, mode in zip(equations.layout.friction, modes.friction, strict=True):
         if one.associated and mode is not None and len(mode.held) < len(one.rows):
             raise NumericalFailure(f"{one.name}: {HOPS}")
-    others = np.array([one.acceleration for one in decision.others]).reshape(-1, len(rows))
-    least = _BINDING * float(np.max(np.abs(others), initial=0.0))
-    apart = rows[np.any(np.abs(others - decision.acceleration) > least, axis=0)]
-    names = tuple(dict.fromkeys(equations.layout.names[row] for row in apart))
+    names = (equations.layout.names[row] for row in (rows[_apart(decision)] if decision.others else ()))
     found = bool(decision.undetermined.shape[1])
-    return LastingContact(modes, force, response.accelerations(force), decision, found, names)
+    return LastingContact(modes, force, response.accelerations(force), decision, found, tuple(dict.fromkeys(names)))
+
+
+def _apart(decision: ModeDecision) -> Array:
+    """Return which rows have several accelerations, bool (m,)."""
+    others = np.array([one.acceleration for one in decision.others])
+    least = _BINDING * float(np.max(np.abs(others)))
+    return np.asarray(np.any(np.abs(others - decision.acceleration) > least, axis=0))
 
 
 def _restricted(problem: ContactProblem, modes: RowModes, normals: Array, sets: Array) -> Modes:

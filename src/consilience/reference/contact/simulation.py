@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 
 from consilience.engine import TrajectoryAnswer
-from consilience.errors import InvalidInput, NumericalFailure
+from consilience.errors import NumericalFailure, in_range
 from consilience.mechanism import Array, Mechanism, State, characteristic_length
 from consilience.reference.contact.bounces import Bounces
 from consilience.reference.contact.equations import ContactEquations
@@ -66,8 +66,7 @@ class ContactSimulation:
     def __init__(
         self, mechanism: Mechanism, state: State, times: Array, tolerance: float, impacts: str = "newton"
     ) -> None:
-        if not 1e-13 <= tolerance <= 1e-3:
-            raise InvalidInput("tolerance", f"{tolerance} is out of range", "Choose 1e-13 to 1e-3.")
+        in_range("tolerance", tolerance, 1e-13, 1e-3, "Choose 1e-13 to 1e-3.")
         self.times, self.law = times, impacts
         self.layout = layout_of(mechanism)
         self.equations = ContactEquations(self.layout)
