@@ -188,6 +188,11 @@ def test_frequency_of_a_mass_on_a_spring():
     sound(found, np.array([w / (2 * K), -w / (2 * M), 0.0])[:, None], 1e-8)
 
 
+def test_a_result_that_is_no_number_is_refused():
+    with pytest.raises(InvalidInput, match=r"result: it is no array of numbers\. Return a number"):
+        sensitivity(sliding(), lambda mechanism: mechanism.bodies[0].name, ["body.block.mass"])
+
+
 def test_static_deflection():
     """The spring hangs from the height 1.5 m: ``z = 1.5 - L0 - m g/k``."""
 

@@ -150,6 +150,13 @@ def test_forces_of_another_shape_are_refused():
         f.accelerations(expected("four_bar")[0][0])
 
 
+@pytest.mark.parametrize("returned", ["text", True, 1j])
+def test_forces_that_are_no_numbers_are_refused(returned):
+    f = KernelFormulation(ALL["four_bar"], "descriptor", lambda t, state: returned)
+    with pytest.raises(InvalidInput, match=r"forces: it is no array of numbers\. Return force and torque"):
+        f.accelerations(expected("four_bar")[0][0])
+
+
 # ---------------------------------------------------------------- null-space bases
 
 

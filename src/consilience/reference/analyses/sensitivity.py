@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from consilience.case import Case
 from consilience.errors import ConsilienceError, InvalidInput
-from consilience.mechanism import Array, Mechanism, characteristic_length
+from consilience.mechanism import Array, Mechanism, characteristic_length, float_array
 from consilience.reference.analyses.parameters import T, array_around, parameter, with_parameter
 
 _FIRST_STEP = 0.05
@@ -92,14 +92,18 @@ def sensitivity(
         Unknown path; a parameter without a result at any small change, with the reason (in a loop with redundant
         constraints single pins cannot be moved).
     """
-    value = np.asarray(result(subject), dtype=float)
+
+    def of(given: T) -> Array:
+        return float_array(result(given), "result", "Return a number or an array of numbers.")
+
+    value = of(subject)
     derivatives, errors = [np.zeros((0, *value.shape))], [np.zeros((0, *value.shape))]
     for path in paths:
         at = parameter(subject, path)
         first = (steps or {}).get(path, _FIRST_STEP * parameter_scale(subject, path))
 
         def of_step(h: float, path: str = path, at: float = at) -> Array:
-            return np.asarray(result(with_parameter(subject, path, at + h)), dtype=float)
+            return of(with_parameter(subject, path, at + h))
 
         derivative, error = ridders(of_step, first, f"parameter '{path}'")
         derivatives.append(derivative[None])

@@ -35,7 +35,7 @@ import numpy as np
 
 from consilience.engine import Unsupported
 from consilience.errors import InvalidInput, NumericalFailure
-from consilience.mechanism import RANK_TOLERANCE, Array, Mechanism, State
+from consilience.mechanism import RANK_TOLERANCE, Array, Mechanism, State, float_array
 from consilience.reference.bodies import constraints
 from consilience.reference.bodies.arrays import Model, P, Workspace, flatten, pack, unpack, workspace
 from consilience.reference.bodies.canonical import at_origins, joint_wrenches
@@ -217,9 +217,10 @@ class KernelFormulation:
     def _external(self, forces: AppliedForces, t: float, y: Array) -> Array:
         """Evaluate the callback; return forces at the centres of mass and torques in body axes, shape (6 n_b,)."""
         state = self._state(y)
-        wrench = np.asarray(forces(t, state), dtype=float)
+        remedy = "Return force and torque of every body, (n_b, 6)."
+        wrench = float_array(forces(t, state), "forces", remedy)
         if wrench.shape != (len(self.mechanism.bodies), 6):
-            raise InvalidInput("forces", f"shape {wrench.shape}", "Return force and torque of every body, (n_b, 6).")
+            raise InvalidInput("forces", f"shape {wrench.shape}", remedy)
         A = state.R_WB
         c = np.einsum("bij,bj->bi", A, np.array([b.com for b in self.mechanism.bodies]))
         torque = wrench[:, 3:] - np.cross(c, wrench[:, :3])
