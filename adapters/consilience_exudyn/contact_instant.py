@@ -31,12 +31,15 @@ from consilience_exudyn.terms import Equations, Terms
 AT_REST = 1e-9
 """Velocity in m/s or rad/s below which a contact sticks; the same of a coordinate with dry friction."""
 
-_RANK, _ROUNDING = 1e-10, 1e-14
+_RANK = 1e-10
 _DEAR = 1e3
 """Weight of friction in the least norm of undetermined forces: normal forces that hold one another need less of it."""
 
 _PULL = 1e-9
 """Force that pulls, over the largest force, above which a contact is opened."""
+
+_LEFT = 1e-9
+"""Acceleration of what is closed, over that of the bodies, above which there is no answer."""
 
 _MOST_TRIED = 10
 """Contacts and stops of which all sets are tried, a thousand."""
@@ -105,6 +108,8 @@ def contact_accelerations(terms: Terms, state: State, equations: Equations) -> t
         A contact or coordinate starts to slide, for which Exudyn has no friction.
     RuntimeError
         No set of closed contacts fits.
+    ArithmeticError
+        What is closed would accelerate: it depends on the joints nearly to rounding.
     """
     mechanism = terms.model.mechanism
     closed = closed_contacts(mechanism, state)
@@ -117,6 +122,7 @@ def contact_accelerations(terms: Terms, state: State, equations: Equations) -> t
     force, stuck = _joint_efforts(mechanism, state)
     balance = _balanced(equations, equations.f + force, [*active, *stuck])
     _refuse_start(balance.sliding)
+    balance.refuse_left(equations)
     found = np.zeros((len(parts_of(mechanism)), 3))
     for one, x in zip(balance.closed, balance.unknowns, strict=True):
         if one.contact is not None:
@@ -162,6 +168,15 @@ class _Balance:
             if across > limit * (1.0 + _PULL):
                 return one
         return None
+
+    def refuse_left(self, equations: Equations) -> None:
+        """Raise `ArithmeticError` where joints, or what is closed, accelerate."""
+        rows = np.vstack([equations.J, *(one.rows for one in self.closed)])
+        left = rows @ self.a - np.concatenate([equations.gamma, *(one.rhs for one in self.closed)])
+        size = np.abs(rows) @ np.abs(self.a)
+        worst = float(np.max(np.abs(left), initial=0.0))
+        if worst > _LEFT * max(float(np.max(size, initial=0.0)), 1.0):
+            raise ArithmeticError(f"accelerations of joints and of closed contacts stay at {worst:.2g} m/s^2")
 
 
 def _balanced(equations: Equations, f: Array, active: Sequence[_Active]) -> _Balance:
@@ -269,12 +284,11 @@ def _solve(equations: Equations, f: Array, active: Sequence[_Active]) -> tuple[A
     rhs = np.concatenate([equations.gamma, *(one.rhs for one in active)])
     free = np.linalg.solve(M, f)
     cost = np.concatenate([np.ones(len(J)), *(np.array([1.0, _DEAR, _DEAR])[: len(one.rhs)] for one in active)])
-    A, wanted = S @ np.linalg.solve(M, C.T) / cost, rhs - S @ free
-    x = np.linalg.lstsq(A, wanted, rcond=_RANK)[0]
-    left = wanted - A @ x  # dear friction costs three digits, which a second solution brings back
-    if np.max(np.abs(left), initial=0.0) > _ROUNDING * np.max(np.abs(wanted), initial=0.0):
-        x = x + np.linalg.lstsq(A, left, rcond=_RANK)[0]
-    x = x / cost
+    A = S @ np.linalg.solve(M, C.T)
+    U, singular, Vt = np.linalg.svd(A)  # without the costs, by which nearly dependent rows would seem dependent
+    rank = int(np.sum(singular > _RANK * np.max(singular, initial=0.0)))
+    x, open_ = Vt[:rank].T @ (U[:, :rank].T @ (rhs - S @ free) / singular[:rank]), Vt[rank:].T
+    x = x - open_ @ np.linalg.lstsq(cost[:, None] * open_, cost * x, rcond=None)[0]
     ends = np.cumsum([len(J), *(len(one.rhs) for one in active)])
     return free + np.linalg.solve(M, C.T @ x), x[: len(J)], np.split(x, ends)[1:-1]
 

@@ -3,10 +3,13 @@
 import numpy as np
 import pytest
 
+import consilience as cs
 from consilience.audit.fuzz.population import specimen
 from consilience.case import load_cases
 from consilience.engine import CannotRepresent, Question, load_engine
-from consilience.mechanism import determinate_forces
+from consilience.mechanism import determinate_forces, rotation_from_bryant_xyz
+
+LAB, G = rotation_from_bryant_xyz([0.3, -0.7, 0.5]), 9.81
 
 
 def accelerations(engine, case):
@@ -32,6 +35,32 @@ def test_modes_of_several_contacts_settle(engine, seed, digits):
     case = specimen(seed, contacts=True).case
     found, wanted = accelerations(engine, case), accelerations("reference", case)
     assert np.max(np.abs(found - wanted)) <= 10.0**-digits * max(1.0, np.max(np.abs(wanted)))
+
+
+def gripped(arm):
+    """Return Exudyn's answer for a body that turns and slides along an axis, on a rough plane by a tip beside the axis.
+
+    A spring twists with ``mu m g arm / 2``: the tip holds with half the friction that it has.
+    """
+    draw = cs.Drawing("gripped", gravity=LAB @ (0.0, 0.0, -G))
+    draw.body("b", mass=2.0, at=LAB @ (0.0, 0.0, 0.3), com=LAB @ (0.05, -0.02, 0.1), inertia=(0.02, 0.03, 0.04))
+    draw.joint("c", "cylindrical", "ground", "b", at=LAB @ (0.0, 0.0, 0.3), axis=LAB[:, 2])
+    draw.add("joint_spring", "twist", joint="c", coordinate="angle", stiffness=1.0, rest=0.5 * 0.5 * 2.0 * G * arm)
+    plane = {"point": (0.0, 0.0, 0.0), "normal": LAB[:, 2]}
+    draw.add("contact", "tip", body="b", at=LAB @ (arm, 0.0, 0.0), friction=0.5, **plane)
+    case, engine = draw.case(duration=1.0, sample=0.1), load_engine("exudyn")
+    return engine.instant(case.mechanism, [case.initial_state], engine.methods(case.mechanism, Question.INSTANT)[0])
+
+
+def test_a_contact_close_to_the_axis_of_its_body_grips():
+    answer = gripped(1e-4)
+    assert np.max(np.abs(answer.alpha_WB_W)) <= 1e-9
+    np.testing.assert_allclose((answer.contact_force[0, 0] @ LAB)[1:], [-0.5 * G, 2.0 * G], atol=1e-5)
+
+
+def test_a_contact_on_the_axis_of_its_body_but_for_rounding_has_no_answer():
+    with pytest.raises(ArithmeticError, match="accelerations of joints and of closed contacts stay at"):
+        gripped(1e-5)
 
 
 @pytest.mark.parametrize("seed", [8966, 9063])
