@@ -129,7 +129,11 @@ def unilateral_methods(mechanism: Mechanism, question: Question, loops: bool) ->
         route=Route.EXTRAPOLATED,
         order=3,
         substeps=(4, 8, 16),
-        settings=settings | {"rotations below 1e-3 rad": "less t^3/6, which DART's exponential map adds"},
+        settings=settings
+        | {
+            "rotations below 1e-3 rad": "less t^3/6, which DART's exponential map adds",
+            "spheres that press": "larger by the gap that a step leaves, until they do not press",
+        },
     )
     defaults = Method(
         BOX,

@@ -12,12 +12,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import combinations
+from math import dist
 from typing import Any
 
 import dartpy
 import numpy as np
 
-from consilience.mechanism import GROUND, Array, Contact, SphereSphere, State, contact_gap, contact_parts, cross
+from consilience.mechanism import GROUND, Array, Contact, SphereSphere, State, contact_gap, contact_parts
+from consilience_dart.pressing import Pressing
 from consilience_dart.state import read
 from consilience_dart.translation import Model, set_inertia
 
@@ -53,17 +55,33 @@ def _frame(R: Array, p: Array) -> Any:
     return transform
 
 
-Motion = tuple[Array, Array, Array]
-"""Position, velocity and angular velocity, world axes."""
+Vector = list[float]
+
+Motion = tuple[Vector, Vector, Vector]
+"""Position, velocity and angular velocity, world axes, as numbers: arrays of three are several times slower."""
+
+_AT_ORIGIN: Motion = [0.0] * 3, [0.0] * 3, [0.0] * 3
+
+
+def _dot(a: Vector, b: Vector) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def _velocity(of: Motion, arm: Vector) -> Vector:
+    """Return the velocity of the point at an arm from the origin."""
+    _, (vx, vy, vz), (wx, wy, wz) = of
+    x, y, z = arm
+    return [vx + wy * z - wz * y, vy + wz * x - wx * z, vz + wx * y - wy * x]
 
 
 class _Pad:
-    """Node of one side of a contact, at the centre of mass of its body, in axes of the body."""
+    """Node of one side of a contact, at the centre of mass of its body, in axes of the body; at the ground's origin."""
 
     def __init__(self, model: Model, ground: Any, body: str, name: str) -> None:
         index = model.mechanism.body_index[body]
         self._center = np.zeros(3) if index < 0 else model.mechanism.bodies[index].com
-        if index < 0:
+        self.at_rest = index < 0
+        if self.at_rest:
             joint, self.node = ground.createWeldJointAndBodyNodePair()
         else:
             carrier = model.carriers[index]
@@ -73,8 +91,8 @@ class _Pad:
             set_inertia(self.node, 0.0, np.zeros(3), np.zeros((3, 3)))
         self.node.setName(name)
 
-    def add(self, shape: Any, position: Array, law: Contact, restitution: float) -> None:
-        """Add a shape at a position in axes of the body."""
+    def add(self, shape: Any, position: Array, law: Contact, restitution: float) -> Any:
+        """Add a shape at a position in axes of the body, and return its node."""
         node = self.node.createShapeNode(shape)
         node.setRelativeTranslation(position - self._center)
         node.createCollisionAspect()
@@ -82,28 +100,36 @@ class _Pad:
         aspect = node.getDynamicsAspect()
         aspect.setFrictionCoeff(law.friction)
         aspect.setRestitutionCoeff(restitution)
+        return node
 
     def motion(self) -> Motion:
         """Return position, velocity and angular velocity of the node, world axes."""
+        if self.at_rest:
+            return _AT_ORIGIN
         return (
-            np.array(self.node.getWorldTransform().translation()),
-            np.array(self.node.getLinearVelocity()),
-            np.array(self.node.getAngularVelocity()),
+            self.node.getWorldTransform().translation().tolist(),
+            self.node.getLinearVelocity().tolist(),
+            self.node.getAngularVelocity().tolist(),
         )
 
 
-def _shapes(pads: tuple[_Pad, _Pad], contact: Contact) -> None:
+def _shapes(pads: tuple[_Pad, _Pad], contact: Contact) -> list[Pressing]:
     """Give the shapes of a contact to its pads; the restitution stands on the body's side, 1 on the partner's."""
     body, partner = pads
     parts = contact_parts(contact)
-    for part in parts:
-        body.add(dartpy.dynamics.SphereShape(part.radius + INSIDE), part.center, contact, contact.restitution)
     first = parts[0]
     if isinstance(first, SphereSphere):
-        partner.add(dartpy.dynamics.SphereShape(first.partner_radius), first.partner_center, contact, 1.0)
-        return
-    plane = dartpy.dynamics.PlaneShape(first.normal, float(first.normal @ first.point))
-    partner.add(plane, np.zeros(3), contact, 1.0)
+        normal, offset = None, first.partner_radius
+        other = partner.add(dartpy.dynamics.SphereShape(offset), first.partner_center, contact, 1.0)
+    else:
+        normal, offset = first.normal, float(first.normal @ first.point)
+        other = partner.add(dartpy.dynamics.PlaneShape(normal, offset), np.zeros(3), contact, 1.0)
+    found = []
+    for part in parts:
+        sphere = dartpy.dynamics.SphereShape(part.radius + INSIDE)
+        node = body.add(sphere, part.center, contact, contact.restitution)
+        found.append(Pressing(node, other, partner.at_rest, INSIDE, normal, offset))
+    return found
 
 
 class Touching:
@@ -141,8 +167,12 @@ class Touching:
             (_Pad(model, ground, c.body, f"pad {2 * n}"), _Pad(model, ground, c.partner, f"pad {2 * n + 1}"))
             for n, c in enumerate(model.mechanism.contacts)
         ]
-        for pads, contact in zip(self._pads, model.mechanism.contacts, strict=True):
-            _shapes(pads, contact)
+        spheres = [_shapes(pads, c) for pads, c in zip(self._pads, model.mechanism.contacts, strict=True)]
+        self._spheres = {one.name: one for of in spheres for one in of}
+        self._sides = {one.name: (n, 1.0) for n, of in enumerate(spheres) for one in of}
+        self._sides |= {of[0].other_name: (n, -1.0) for n, of in enumerate(spheres)}
+        self._pressing: set[str] = set()
+        self._kept: set[str] = set()
         model.skeleton.enableSelfCollisionCheck()
         if ground.getNumBodyNodes():
             world.addSkeleton(ground)
@@ -158,7 +188,6 @@ class Touching:
         for one, other in combinations([pad.node for pads in self._pads for pad in pads], 2):
             if (one.getName(), other.getName()) not in declared:
                 listed.addBodyNodePairToBlackList(one, other)
-        self._numbers = {pad.node.getName(): n for n, pads in enumerate(self._pads) for pad in pads}
         self.restart()
 
     def solve_by_pivoting(self) -> None:
@@ -211,31 +240,39 @@ class Touching:
 
         DART's contacts have points and normals of the start of the step, and its force on the first object.
         """
-        self.forces = np.zeros((self._count, 3))
-        self.modes = np.full(self._count, SEPARATED)
+        forces, modes = [[0.0, 0.0, 0.0] for _ in self._pads], [SEPARATED] * self._count
         motions, rates = self._motions(), list[float]()
+        self._pressing = set()
         for contact in self._world.getLastCollisionResult().getContacts():
-            name = contact.collisionObject1.getShapeFrame().getBodyNode().getName()
-            n = self._numbers[name]
-            force = np.asarray(contact.force)
-            if name != self._pads[n][0].node.getName():
-                force = -force
-            normal, point = np.asarray(contact.normal), np.asarray(contact.point)
-            if abs(force @ normal) == 0.0:
+            name = contact.collisionObject1.getShapeFrame().getName()
+            n, sign = self._sides[name]
+            force, normal, point = contact.force.tolist(), contact.normal.tolist(), contact.point.tolist()
+            if _dot(force, normal) == 0.0:
                 continue
+            self._pressing.add(name if sign > 0.0 else contact.collisionObject2.getShapeFrame().getName())
             before, after = self._slip(n, point, self._before[n]), self._slip(n, point, motions[n])
-            self.forces[n] += force
+            forces[n] = [old + sign * f for old, f in zip(forces[n], force, strict=True)]
             self.points[n] = point
-            self.slip_rate = max(self.slip_rate, float(np.linalg.norm(after - before)) / step)
-            self.loss -= step * float(force @ (before + after)) / 2.0
-            slides = float(np.linalg.norm(after - normal * (normal @ after))) > AT_REST
-            rates.append(float(normal @ after))
-            if slides or self.modes[n] == SEPARATED:
-                self.modes[n] = SLIDING if slides else STICKING
+            self.slip_rate = max(self.slip_rate, dist(after, before) / step)
+            self.loss -= step * sign * (_dot(force, before) + _dot(force, after)) / 2.0
+            rate = _dot(normal, after)
+            rates.append(rate)
+            slides = dist(after, [rate * x for x in normal]) > AT_REST
+            if slides or modes[n] == SEPARATED:
+                modes[n] = SLIDING if slides else STICKING
         alike = len(rates) == len(self._rates)
-        self.opening = max((abs(new - old) / step for new, old in zip(rates, self._rates, strict=alike)), default=0.0)
+        self.opening = max([abs(new - old) / step for new, old in zip(rates, self._rates, strict=alike)], default=0.0)
+        self.forces, self.modes = np.array(forces).reshape(-1, 3), np.array(modes, dtype=int)
         self.impulse += step * self.forces
         self._before, self._rates = motions, rates
+
+    def keep_pressing(self) -> None:
+        """Keep the spheres that pressed in the last step in touch, and no others."""
+        for name in self._pressing:
+            self._spheres[name].keep()
+        for name in self._kept - self._pressing:
+            self._spheres[name].release()
+        self._kept = self._pressing
 
     def slip(self, n: int, point: Array) -> Array:
         """Return the velocity of the body's material point at a point relative to the partner's.
@@ -247,16 +284,18 @@ class Touching:
         point : ndarray, shape (3,), m
             At the state last noted.
         """
-        return self._slip(n, point, [pad.motion() for pad in self._pads[n]])
+        return np.array(self._slip(n, point.tolist(), [pad.motion() for pad in self._pads[n]]))
 
     def _motions(self) -> list[list[Motion]]:
         return [[pad.motion() for pad in pads] for pads in self._pads]
 
-    def _slip(self, n: int, point: Array, motions: list[Motion]) -> Array:
+    def _slip(self, n: int, point: Vector, motions: list[Motion]) -> Vector:
         """Return the slip at a point of the start of a step, by motions of the pads at either end of the step."""
-        (origin, _, _), (origin_P, _, _) = self._before[n]
-        (_, v, w), (_, v_P, w_P) = motions
-        return v + cross(w, point - origin) - v_P - cross(w_P, point - origin_P)
+        body, partner = (
+            _velocity(of, [point[0] - start[0], point[1] - start[1], point[2] - start[2]])
+            for of, (start, _, _) in zip(motions, self._before[n], strict=True)
+        )
+        return [body[0] - partner[0], body[1] - partner[1], body[2] - partner[2]]
 
     def jacobian(self, n: int) -> Array:
         """Return the Jacobian (3, dofs) of the slip of a contact, at its point in the last step."""

@@ -85,8 +85,8 @@ def _pads(change: Any) -> Any:
 
     def make(original: Any, magnitude: float) -> Any:
         class Changed(original):  # type: ignore[misc]
-            def add(self, shape: Any, position: Any, law: Any, restitution: float) -> None:
-                super().add(shape, position, *change(law, restitution, magnitude))
+            def add(self, shape: Any, position: Any, law: Any, restitution: float) -> Any:
+                return super().add(shape, position, *change(law, restitution, magnitude))
 
         return Changed
 
@@ -103,8 +103,8 @@ def _restitution_on_both(law: Any, restitution: float, magnitude: float) -> Any:
 
 def _shape_off(original: Any, magnitude: float) -> Any:
     class Shifted(original):  # type: ignore[misc]
-        def add(self, shape: Any, position: Any, law: Any, restitution: float) -> None:
-            super().add(shape, (1.0 - magnitude) * position, law, restitution)
+        def add(self, shape: Any, position: Any, law: Any, restitution: float) -> Any:
+            return super().add(shape, (1.0 - magnitude) * position, law, restitution)
 
     return Shifted
 

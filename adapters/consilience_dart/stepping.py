@@ -18,19 +18,13 @@ from typing import Any
 import dartpy
 import numpy as np
 
-from consilience.mechanism import (
-    Array,
-    Mechanism,
-    State,
-    quaternion_from_rotation_vector,
-    quaternion_product,
-    rotation_vector_from_quaternion,
-)
+from consilience.mechanism import Array, Mechanism, State
 from consilience_dart.contacts import Touching
 from consilience_dart.drives import command_steps
 from consilience_dart.limits import set_limits
 from consilience_dart.loads import Forces
-from consilience_dart.state import Coordinates, from_state, read, rotation_vector, rotations, send
+from consilience_dart.small_turns import mend_rotations
+from consilience_dart.state import Coordinates, from_state, read, send
 from consilience_dart.translation import Model, build
 
 ERROR_REDUCTION_INSTANT = 0.0
@@ -49,11 +43,6 @@ MIXINGS = ((1, 8.0 / 3.0), (2, -2.0), (4, 1.0 / 3.0))
 """Factors on the force mixing, with the weights of the extrapolation to zero mixing.
 
 Three of them, because near singular poses the error is quadratic in the mixing."""
-
-TRUNCATED = 1e-3
-"""Rotation in rad below which DART's exponential map is a truncated series."""
-
-_CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
 
 LARGEST_STEP = 5e-3
 HALVINGS = 15
@@ -86,7 +75,7 @@ class Stepper:
     touching : Touching or None
         Contacts; None if the mechanism has none.
     mended : bool
-        Take from small rotations what DART's truncated exponential map adds.
+        Take from small rotations what DART's truncated exponential map adds, and keep in touch what presses.
     """
 
     model: Model
@@ -121,6 +110,8 @@ class Stepper:
             mend_rotations(self.model, before)
         if self.touching:
             self.touching.add(self.world.getTimeStep())
+            if self.mended:
+                self.touching.keep_pressing()
 
     def step(self, count: int) -> None:
         """Take `count` steps, with external forces and integrands of the beginning of each step."""
@@ -139,28 +130,6 @@ class Stepper:
             self._advance(prepare)
             self.forces.integrals += h * errors
             self.time = start + (n + 1) * h
-
-
-def mend_rotations(model: Model, before: Array) -> None:
-    """Turn ball and free joints back by the excess of a small rotation t in a step, which is ``t^3 / 6``.
-
-    Parameters
-    ----------
-    model : Model
-        After the step.
-    before : ndarray, shape (n,)
-        DART's positions before the step.
-    """
-    after = model.skeleton.getPositions()
-    for i, _ in rotations(model):
-        old, new = (quaternion_from_rotation_vector(q[i : i + 3]) for q in (before, after))
-        turn = rotation_vector_from_quaternion(quaternion_product(new, old * _CONJUGATE))
-        square = float(turn @ turn)
-        if square < TRUNCATED**2:
-            excess = quaternion_from_rotation_vector(-square / 6.0 * turn)
-            new = quaternion_product(excess, new)
-        after[i : i + 3] = rotation_vector(new)
-    model.skeleton.setPositions(after)
 
 
 def set_softness(reduction: float, mixing: float) -> None:
