@@ -6,6 +6,8 @@ Extrapolated, each sample is the limit of the steps h, h/2 and h/4 (Richardson),
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 import pinocchio as pin
 
@@ -15,50 +17,125 @@ from consilience_pinocchio.dynamics import articulated_body
 from consilience_pinocchio.elements import Elements
 from consilience_pinocchio.observe import poses
 from consilience_pinocchio.translate import Translation
-from consilience_pinocchio.unilateral import Pressed, Start, Unilateral
+from consilience_pinocchio.unilateral import SLIDING, Pressed, Start, Unilateral
+
+HALVINGS, SHORTEST = 30, 1e-4
+"""Halvings that find when a contact breaks away, and the shortest part of a step: gaps are divided by its length."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Now:
+    """State of a motion.
+
+    Attributes
+    ----------
+    q, v : ndarray, shape (nq,) and (nv,)
+    integrals : ndarray
+        Of controllers.
+    impulse : ndarray, shape (n_c, 3), N s
+        Of the elementary contacts since the last sample.
+    loss : float, J
+    modes : ndarray, shape (n_c,)
+        In the last step.
+    broken : frozenset of int
+        Contacts that have broken away and slide.
+    """
+
+    q: Array
+    v: Array
+    integrals: Array
+    impulse: Array
+    loss: float
+    modes: Array
+    broken: frozenset[int] = frozenset()
 
 
 class Stepping:
-    """State of a motion by steps, its samples so far, and sums since the last sample.
+    """A motion by steps, and its samples so far.
+
+    A contact with a static coefficient slides from the instant at which it does not suffice, where a step is divided:
+    the force of friction jumps, so that steps which begin to slide late, each by another part, would have no order.
 
     Parameters
     ----------
     translation : Translation
     q, v : ndarray, shape (nq,) and (nv,)
-    h : float, s
+    t, h : float, s
     """
 
-    def __init__(self, translation: Translation, q: Array, v: Array, h: float) -> None:
+    def __init__(self, translation: Translation, q: Array, v: Array, t: float, h: float) -> None:
         self._translation, self._elements = translation, Elements(translation)
         self.unilateral = Unilateral(translation, self._elements)
         self._free = articulated_body(translation, self._elements)
-        self._q, self._v, self._h = q, v, h
-        self._integrals = np.zeros(self._elements.efforts.control_count)
-        self._impulse = np.zeros((len(self.unilateral.touches), 3))
-        self._loss = 0.0
+        self._h, count = h, len(self.unilateral.touches)
+        integrals = np.zeros(self._elements.efforts.control_count)
+        now = _Now(q, v, integrals, np.zeros((count, 3)), 0.0, np.zeros(count, dtype=int))
+        self._now, self._pressed = self._slid(now, t, h)
+        self._now = replace(self._now, modes=self._pressed.modes)
         self.samples: list[tuple[Array, ...]] = []
 
-    def press(self, t: float) -> Pressed:
-        """Solve for the forces of a step from the present state."""
-        a = self._free(self._q, self._v, t, self._integrals)
-        return self.unilateral.press(Start(self._q, self._v, a, t, self._h))
+    def _press(self, now: _Now, t: float, h: float) -> tuple[Pressed, frozenset[int]]:
+        """Solve for the forces of a step of the length h; return also the contacts that break away in it."""
+        self.unilateral.broken = now.broken
+        a = self._free(now.q, now.v, t, now.integrals)
+        pressed = self.unilateral.press(Start(now.q, now.v, a, t, h))
+        return pressed, frozenset(n for n in self.unilateral.held if pressed.modes[n] == SLIDING)
 
-    def step(self, t: float) -> Pressed:
+    def _slid(self, now: _Now, t: float, h: float) -> tuple[_Now, Pressed]:
+        """Let contacts slide from now on that break away in a step, and those that do where others slide; press."""
+        while True:
+            pressed, breaking = self._press(now, t, h)
+            if not breaking:
+                return now, pressed
+            now = replace(now, broken=now.broken | breaking)
+
+    def _moved(self, now: _Now, pressed: Pressed, t: float, h: float) -> _Now:
+        """Return the state at the end of a step."""
+        rates, v = self._elements.efforts.control_errors(now.q, t), now.v + h * pressed.a
+        return _Now(
+            np.asarray(pin.integrate(self._translation.model, now.q, h * v)),
+            v,
+            now.integrals + h * rates,
+            now.impulse + h * pressed.forces,
+            now.loss - h * pressed.power,
+            pressed.modes,
+            frozenset(n for n in now.broken if pressed.modes[n] == SLIDING),
+        )
+
+    def step(self, t: float) -> None:
         """Take one step from the time t."""
-        rates, pressed, h = self._elements.efforts.control_errors(self._q, t), self.press(t), self._h
-        self._v = self._v + h * pressed.a
-        self._q = np.asarray(pin.integrate(self._translation.model, self._q, h * self._v))
-        self._integrals = self._integrals + h * rates
-        self._impulse += h * pressed.forces
-        self._loss -= h * pressed.power
-        return pressed
+        now, h = self._moved(self._now, self._pressed, t, self._h), self._h
+        pressed, breaking = self._press(now, t + h, h)
+        if breaking:
+            now, pressed = self._slid(self._breaking_away(self._now, t), t + h, h)
+        self._now, self._pressed = now, pressed
 
-    def record(self, modes: Array) -> None:
+    def _breaking_away(self, start: _Now, t: float) -> _Now:
+        """Return the end of a step from a state, in which contacts break away and slide from then on."""
+
+        def after(part: float) -> tuple[_Now, frozenset[int]]:
+            now = self._moved(start, self._press(start, t, part * self._h)[0], t, part * self._h)
+            return now, self._press(now, t + part * self._h, self._h)[1]
+
+        least, part = 0.0, 1.0
+        for _ in range(HALVINGS):
+            middle = 0.5 * (least + part)
+            least, part = (least, middle) if after(middle)[1] else (middle, part)
+        part = max(part, SHORTEST) if part < 1.0 - SHORTEST else 1.0
+        now, breaking = after(part)
+        if part == 1.0:
+            return now
+        now = replace(now, broken=now.broken | breaking)
+        t, rest = t + part * self._h, (1.0 - part) * self._h
+        return self._moved(*self._slid(now, t, rest), t, rest)
+
+    def record(self) -> None:
         """Sample the state, with the modes of the step before it."""
-        pin.forwardKinematics(self._translation.model, self._translation.data, self._q, self._v)
-        contacts = self.unilateral.gaps(), self._impulse, modes, np.array(self._loss)
+        now = self._now
+        pin.forwardKinematics(self._translation.model, self._translation.data, now.q, now.v)
+        contacts = self.unilateral.gaps(), now.impulse, now.modes, np.array(now.loss)
         self.samples.append((*poses(self._translation), *contacts))
-        self._impulse = np.zeros_like(self._impulse)
+        self._now = replace(now, impulse=np.zeros_like(now.impulse))
 
 
 def move(translation: Translation, q: Array, v: Array, times: Array, step: float) -> TrajectoryAnswer:
@@ -75,12 +152,12 @@ def move(translation: Translation, q: Array, v: Array, times: Array, step: float
     """
     every = steps_per_sample(times, step)
     h, count = float(times[1] - times[0]) / every, every * (len(times) - 1)
-    stepping = Stepping(translation, q, v, h)
-    stepping.record(stepping.press(float(times[0])).modes)
+    stepping = Stepping(translation, q, v, float(times[0]), h)
+    stepping.record()
     for n in range(count):
-        modes = stepping.step(float(times[0]) + n * h).modes
+        stepping.step(float(times[0]) + n * h)
         if (n + 1) % every == 0:
-            stepping.record(modes)
+            stepping.record()
     p, quat, v_W, w, gaps, impulses, modes, loss = (np.array(column) for column in zip(*stepping.samples, strict=True))
     mechanism = translation.mechanism
     return TrajectoryAnswer(

@@ -172,6 +172,10 @@ class Unilateral:
     touches : list of Touch
         One for each of the mechanism's elementary contacts.
     solver : ConeSolver
+    broken : frozenset of int
+        Contacts that have broken away, and slide though they may still be at rest.
+    held : frozenset of int
+        Contacts that had their static coefficient in the last solution.
     """
 
     def __init__(self, translation: Translation, elements: Elements) -> None:
@@ -188,6 +192,7 @@ class Unilateral:
             if bound is not None
         ]
         self._dry = [(axis(translation, d.joint, d.coordinate), float(d.bound or 0.0)) for d in mechanism.dry_frictions]
+        self.broken = self.held = frozenset[int]()
         self.solver = ConeSolver(any(contact.associated for contact in mechanism.contacts))
 
     def gaps(self) -> Array:
@@ -218,16 +223,19 @@ class Unilateral:
 
     def _add_contacts(self, rows: _Rows, start: Start) -> dict[int, Nearest]:
         """Add the rows of the contacts that touch; return their nearest points."""
-        touched = {}
+        touched, held = {}, set()
         for n, touch in enumerate(self.touches):
             nearest, law = touch.nearest(), touch.law
             needed = start.needed(nearest.gap, nearest.J[2], law.restitution)
             if needed is None:
                 continue
             touched[n] = nearest
-            sticks = law.static_friction is not None and hypot(*(nearest.J[:2] @ start.v)) <= AT_REST
-            mu = law.static_friction if sticks else law.friction
-            rows.add(nearest.J, start.contact(n, touch, nearest, needed), Circle(float(mu or 0.0)))
+            mu, own = law.friction, law.static_friction is not None and n not in self.broken
+            if own and hypot(*(nearest.J[:2] @ start.v)) <= AT_REST:
+                mu = float(law.static_friction or 0.0)
+                held.add(n)
+            rows.add(nearest.J, start.contact(n, touch, nearest, needed), Circle(mu))
+        self.held = frozenset(held)
         return touched
 
     def _add_joints(self, rows: _Rows, start: Start) -> None:

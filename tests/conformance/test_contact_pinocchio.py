@@ -21,8 +21,10 @@ from consilience.mechanism import (
     Drive,
     DryFriction,
     Frame,
+    Function,
     Initial,
     Joint,
+    Load,
     Mechanism,
     SpherePlane,
     SphereSphere,
@@ -516,3 +518,41 @@ def test_the_law_of_moreau_is_that_of_the_steps():
     truths = [simulate_with_contacts(m, hits.initial_state, hits.times)[0] for m in (moreau, hits.mechanism)]
     np.testing.assert_allclose(answer.v_WB_W[-1], truths[0].v_WB_W[-1], atol=1e-12)
     assert np.max(np.abs(answer.v_WB_W[-1] - truths[1].v_WB_W[-1])) > 0.1
+
+
+def sliding_oscillator(time):
+    """Place of the oscillator of `belt_stick_slip` in its first slide, from where its spring overcomes sticking."""
+    rate, tied, let_go, speed = np.sqrt(40.0), 0.25 * G / 40.0, 0.4 * G / 40.0, 0.5
+    phase = rate * (time - (let_go - 0.024525) / speed)
+    return tied + (let_go - tied) * np.cos(phase) + speed / rate * np.sin(phase)
+
+
+def test_an_oscillator_leaves_its_belt_when_its_spring_overcomes_sticking():
+    """Three feet at once: the error is in proportion to the step, wherever in a step they break away."""
+    case = load_case("belt_stick_slip")
+    block, times = case.mechanism.bodies[0], np.linspace(0.0, 0.8, 17)
+
+    def error(step, extrapolated=False):
+        state = move(case.mechanism, case.initial_state, times, step, extrapolated).state(-1)
+        return (state.p_WB[0] + state.R_WB[0] @ block.com)[0] - sliding_oscillator(0.8)
+
+    over_step = np.array([error(step) / step for step in (0.05 / n for n in (10, 14, 20, 28))])
+    np.testing.assert_allclose(over_step, over_step[-1], rtol=0.05)
+    assert abs(error(0.05 / 8, extrapolated=True)) < 0.05 * abs(error(0.05 / 32))
+
+
+@pytest.mark.parametrize("still", [0.0703, 0.1907])
+def test_a_pulled_box_slides_from_where_the_force_overcomes_its_static_coefficient(still):
+    """``m x'' = pull (t - still) + (mu_s - mu) m g`` from the instant at which the force, that grows, is mu_s m g."""
+    pull, mass = 0.5 * 2.0 * G / still, 2.0
+    mechanism = box(friction=0.3, static_friction=0.5)
+    load = Load("pull", "force", "body", LAB.axes[:, 0], "world", LAB.com, Function(np.array([0.0, pull])))
+    mechanism = replace(mechanism, loads=(load,))
+    gone = 0.5 - still
+    place = (0.2 * G * gone**2 / 2.0) + pull * gone**3 / (6.0 * mass)
+    errors = []
+    for step in (2e-3, 1e-3, 5e-4):
+        found = move(mechanism, LAB.state((0, 0, 0.1), (0, 0, 0)), np.linspace(0.0, 0.5, 11), step)
+        errors.append(LAB.centre(found)[0][0] - place)
+    np.testing.assert_allclose(np.array(errors[:2]) / errors[1:], 2.0, rtol=0.05)
+    assert abs(2.0 * errors[2] - errors[1]) < 1e-2 * abs(errors[2])
