@@ -58,5 +58,7 @@ def _settings(mechanism: Mechanism, hits: str, closed: str) -> dict[str, Any]:
         found["contactDamping"] = f"{OVERDAMPED:g} roots of stiffness over A for what hits; else {DAMPING:g}"
         found["impactModel"] = "2 with restitution"
     if mechanism.contacts or mechanism.dry_frictions:
-        found["frictionProportionalZone"] = "h times the largest friction over the inertia"
+        found["frictionProportionalZone"] = (
+            "h times the largest friction over the inertia, of all that two bodies keep closed"
+        )
     return found

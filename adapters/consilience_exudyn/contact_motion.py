@@ -9,7 +9,8 @@ closed, no restitution   stiffness ``1 / (h^2 A)`` in motions that are extrapola
                          sample interval, for overlaps in proportion to h; damping 0.8 roots of the stiffness over A
 others                   stiffness `BOUNCE`, extrapolated or of stops with e = 0 ``(RESOLVED/h)^2``, over A;
                          damping `OVERDAMPED` if e = 0
-friction                 zone ``h mu N G``, G the tangential inverse inertia, N a bound of the normal force
+friction                 zone ``h mu N G``, G the tangential inverse inertia, N a bound of the normal force; the largest
+                         of what two bodies keep closed
 =======================  ======================================================================================
 
 A damped contact pulls as it opens, until its overlap has gone: what that changes vanishes with the damping over the
@@ -238,7 +239,7 @@ def _bounded_motion(
     seen = _contacts_at_start(mechanism, state)
     bounds = [max(one.bound(at), known) for one, known in zip(seen, least or [0.0] * len(seen), strict=True)]
     for _ in range(_ATTEMPTS):
-        penalties = _alike([one.penalty(at, bound) for one, bound in zip(seen, bounds, strict=True)])
+        penalties = _alike(seen, [one.penalty(at, bound) for one, bound in zip(seen, bounds, strict=True)])
         run = _assemble(mechanism, state, at, penalties)
         try:
             answer, forces = _integrate(mechanism, run, times, at.step)
@@ -255,10 +256,21 @@ def _bounded_motion(
     )
 
 
-def _alike(penalties: Sequence[Penalty]) -> list[Penalty]:
-    """Return numbers with the largest radius of points for all: one without load goes as deep as those with it."""
+def _alike(seen: Sequence[_Seen], penalties: Sequence[Penalty]) -> list[Penalty]:
+    """Return numbers with the largest radius of points for all, and the largest zone for what two bodies keep closed.
+
+    A point without load goes as deep as those with it. Where corners of a box start to slip, those with a smaller zone
+    would reach it first and leave the others a load that they brake for h log(1/h), which no power of the step removes.
+    """
     deepest = max((one.radius for one in penalties), default=0.0)
-    return [replace(one, radius=deepest) for one in penalties]
+    pairs = [(one.row.part.body, one.row.part.partner) if one.speed == 0.0 else None for one in seen]
+    zones = {
+        pair: max(one.zone for one, own in zip(penalties, pairs, strict=True) if own == pair)
+        for pair in set(pairs) - {None}
+    }
+    return [
+        replace(one, radius=deepest, zone=zones.get(pair, one.zone)) for one, pair in zip(penalties, pairs, strict=True)
+    ]
 
 
 def _refuse_late_hit(seen: Sequence[_Seen], largest: Array) -> None:

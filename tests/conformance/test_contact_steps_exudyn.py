@@ -11,7 +11,7 @@ from contact_problems import FEET, G, Lab, incline
 pytest.importorskip("exudyn")
 
 from consilience_exudyn import ExudynEngine
-from consilience_exudyn.contact_motion import contact_motion
+from consilience_exudyn.contact_motion import contact_motion, halved_motions
 
 LAB = Lab()
 
@@ -53,3 +53,13 @@ def test_motions_that_are_extrapolated_have_zones_in_proportion_to_their_steps()
     reference = simulate(case)
     answer = engine.trajectory(case.mechanism, case.initial_state, case.times, method, 5e-4)
     assert np.max(np.abs(answer.quat_WB - reference.quat_WB)) < 1e-5
+
+
+def test_boxes_start_to_slip_with_errors_in_powers_of_the_step():
+    """``v = 25 (t - t1)^2/(m1 + m2)`` once 50 t exceeds the friction of the floor; the corners have one zone."""
+    case, pull = load_case("pulled_boxes"), np.array([0.6, 0.8, 0.0])
+    exact = 25.0 * (0.2 - 0.2 * 4.0 * G / 50.0) ** 2 / 4.0
+    motions = halved_motions(case.mechanism, case.initial_state, np.linspace(0.0, 0.2, 5), 0.05 / 160, 4)
+    over_step = [2**n * (motion.v_WB_W[-1, 0] @ pull - exact) for n, motion in enumerate(motions)]
+    first, second, third = np.diff(over_step)
+    np.testing.assert_allclose([first / second, second / third], 2.0, atol=0.01)
