@@ -6,7 +6,7 @@ from typing import Any
 
 from consilience.engine import Method, Route
 from consilience.mechanism import Mechanism
-from consilience_exudyn.contact_motion import BOUNCE, DAMPING, LINEAR, OVERDAMPED, RESOLVED, RIGID
+from consilience_exudyn.contact_motion import BOUNCE, CREEPING, DAMPING, LINEAR, OVERDAMPED, RATE, RESOLVED, RIGID
 from consilience_exudyn.kinematic_tree import HELD, is_one_axis_tree
 from consilience_exudyn.library import CONTACT_SETTINGS
 
@@ -33,7 +33,8 @@ def contact_methods(mechanism: Mechanism) -> tuple[Method, ...]:
     bounces = any(element.restitution > 0.0 for element in (*mechanism.contacts, *mechanism.stops))
     law = _CIRCLE if mechanism.contacts else ""
     steps = BOUNCING_STEPS if bounces or mechanism.stops else STEPS
-    settings = _settings(mechanism, f"{BOUNCE:g}/A 1/s^2", f"{LINEAR:g}/(h s A), s the sample interval")
+    linear, creeping = f"{LINEAR:g}/(h s A), s the sample interval", f"{CREEPING:g}, or {RATE:g}/(h A) if less"
+    settings = _settings(mechanism, f"{BOUNCE:g}/A 1/s^2", linear, creeping)
     motion = Method("ExplicitRungeKutta44", Route.TUNED, 1, steps, settings=settings, softness=1.0, contact_law=law)
     if bounces or not mechanism.contacts:
         return (motion,)
@@ -42,20 +43,20 @@ def contact_methods(mechanism: Mechanism) -> tuple[Method, ...]:
         Route.EXTRAPOLATED,
         HALVINGS,
         EXTRAPOLATED_STEPS,
-        settings=_settings(mechanism, f"{RESOLVED**2:g}/(h^2 A)", f"{RIGID:g}/(h^2 A)"),
+        settings=_settings(mechanism, f"{RESOLVED**2:g}/(h^2 A)", f"{RIGID:g}/(h^2 A)", f"{DAMPING:g}"),
         contact_law=law,
     )
     return (motion, finer)
 
 
-def _settings(mechanism: Mechanism, hits: str, closed: str) -> dict[str, Any]:
-    """Describe the settings, with the stiffness of contacts that hit and of those that stay closed; A: see below."""
+def _settings(mechanism: Mechanism, hits: str, closed: str, damped: str) -> dict[str, Any]:
+    """Describe the settings, with the stiffness of contacts that hit, and numbers of those that stay closed."""
     found: dict[str, Any] = {**CONTACT_SETTINGS, "solution.sensors.writePeriod": "the step"}
     if mechanism.contacts or mechanism.stops:
         found["contactStiffness"] = f"{hits} for what hits; else {closed}, A the inverse inertia"
         if any(not stop.restitution for stop in mechanism.stops):
             found["contactStiffness"] += f"; {RESOLVED**2:g}/(h^2 A) of stops without restitution"
-        found["contactDamping"] = f"{OVERDAMPED:g} roots of stiffness over A for what hits; else {DAMPING:g}"
+        found["contactDamping"] = f"{OVERDAMPED:g} roots of stiffness over A for what hits; else {damped}"
         found["impactModel"] = "2 with restitution"
     if mechanism.contacts or mechanism.dry_frictions:
         found["frictionProportionalZone"] = (

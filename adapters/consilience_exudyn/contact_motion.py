@@ -6,7 +6,7 @@ inertia A that a contact sees together with all others:
 
 =======================  ======================================================================================
 closed, no restitution   stiffness ``1 / (h^2 A)`` in motions that are extrapolated, else ``50 / (h s A)``, s the
-                         sample interval, for overlaps in proportion to h; damping 0.8 roots of the stiffness over A
+                         sample interval, for overlaps in proportion to h; damping `DAMPING`, else `CREEPING`
 others                   stiffness `BOUNCE`, extrapolated or of stops with e = 0 ``(RESOLVED/h)^2``, over A;
                          damping `OVERDAMPED` if e = 0
 friction                 zone ``h mu N G``, G the tangential inverse inertia, N a bound of the normal force; the largest
@@ -60,13 +60,15 @@ RIGID, LINEAR = 1.0, 50.0
 or times step and sample interval, where overlaps are in proportion to the step.
 """
 
-DAMPING = 0.8
-"""Damping of contacts that stay closed, over the root of the stiffness."""
+DAMPING, CREEPING = 0.8, 4.0
+"""Damping of contacts that stay closed, over the root of the stiffness, in motions that are extrapolated and in others:
+above the critical one of twice the root of the inertias' ratio, a contact that loses its load at once keeps no speed.
+"""
 
 _STABLE = 2.0
 """Normal force over its bound up to which friction below the zone is stable."""
 
-_RATE = 1.5
+RATE = 1.5
 """Largest rate of a damper, times the step: the inertia of a tree changes as it moves."""
 
 _REVERSES = 0.5
@@ -128,9 +130,16 @@ class _Step:
         """Stiffness of contacts that hit, and of stops with restitution, over the inertia, 1/s^2."""
         return min(BOUNCE / self.softness**2 if self.softness else np.inf, self.hardest)
 
+    @property
+    def damping_of_closed(self) -> float:
+        """Damping of contacts that stay closed, over the inertia, 1/s."""
+        if self.softness is None:
+            return DAMPING * self.rigid**0.5
+        return min(CREEPING * self.rigid**0.5, RATE / self.step)
+
     def damping(self, stiffness: float) -> float:
         """Return the damping of what hits without restitution, over the inertia, 1/s."""
-        return min(OVERDAMPED * stiffness**0.5, _RATE / self.step)
+        return min(OVERDAMPED * stiffness**0.5, RATE / self.step)
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +178,7 @@ class _Seen:
             stiffness = at.stiffness / self.A
             damping = 0.0 if part.restitution else at.damping(at.stiffness) / self.A
         else:
-            stiffness, damping = at.rigid / self.A, DAMPING * np.sqrt(at.rigid) / self.A
+            stiffness, damping = at.rigid / self.A, at.damping_of_closed / self.A
         zone = at.step * self.G * part.friction * bound
         overlap = self.normal / stiffness or -_CLEAR
         deep = _DEEP * max(overlap, bound / stiffness) + _ROUND * at.step

@@ -65,9 +65,9 @@ class TouchRow:
 
 
 def contact_row(mechanism: Mechanism, state: State, part: ElementaryContact, contact: int) -> TouchRow:
-    """Return the row of an elementary contact at a state."""
+    """Return the row of an elementary contact at a state; apart, of the nearest points, with gamma of a closed one."""
     nearest = nearest_points(mechanism, state, part)
-    x, n = nearest.on_body, nearest.normal
+    n = nearest.normal
     _, center_rate = body_point(mechanism, state, part.body, part.center)
     zero = np.zeros(3)
     motions = [
@@ -82,7 +82,8 @@ def contact_row(mechanism: Mechanism, state: State, part: ElementaryContact, con
         n_dot = cross(motions[1][2], n)
     x_dot = center_rate - part.radius * n_dot
     J, gamma, u = np.zeros((3, 6 * len(mechanism.bodies))), np.zeros(3), np.zeros(3)
-    for name, (p, v, w), sign in zip((part.body, part.partner), motions, (1.0, -1.0), strict=True):
+    both = ((part.body, nearest.on_body, 1.0), (part.partner, nearest.on_partner, -1.0))
+    for (name, x, sign), (p, v, w) in zip(both, motions, strict=True):
         if name != GROUND:
             i = 6 * mechanism.body_index[name]
             J[:, i : i + 3] += sign * np.eye(3)

@@ -6,12 +6,14 @@ import pytest
 from consilience import simulate
 from consilience.case import load_case
 from consilience.engine import Question, Route
+from consilience.mechanism import contact_velocity, nearest_points
 from contact_problems import FEET, G, Lab, incline
 
 pytest.importorskip("exudyn")
 
 from consilience_exudyn import ExudynEngine
 from consilience_exudyn.contact_motion import contact_motion, halved_motions
+from consilience_exudyn.contact_rows import contact_row
 
 LAB = Lab()
 
@@ -63,3 +65,32 @@ def test_boxes_start_to_slip_with_errors_in_powers_of_the_step():
     over_step = [2**n * (motion.v_WB_W[-1, 0] @ pull - exact) for n, motion in enumerate(motions)]
     first, second, third = np.diff(over_step)
     np.testing.assert_allclose([first / second, second / third], 2.0, atol=0.01)
+
+
+@pytest.mark.parametrize("name", ["rough_spheres_grip", "colliding_spheres"])
+def test_rows_of_shapes_that_are_apart_have_the_levers_of_their_own_surfaces(name):
+    case = load_case(name)
+    mechanism, state, contact = case.mechanism, case.initial_state, case.mechanism.contacts[0]
+    row = contact_row(mechanism, state, contact, 0)
+    slip = contact_velocity(mechanism, state, contact, nearest_points(mechanism, state, contact))
+    velocities = np.concatenate([state.v_WB_W, state.w_WB_W], axis=1).ravel()
+    assert row.gap > 0.1
+    np.testing.assert_allclose(row.J @ velocities, slip, atol=1e-14)
+    np.testing.assert_allclose(row.u, slip, atol=1e-14)
+
+
+def test_rough_spheres_grip_at_steps_that_resolve_the_hit():
+    """Closed form of the case, sixteen steps to the hit; a zone wider than the slip would leave half of the spin."""
+    case = load_case("rough_spheres_grip")
+    answer = contact_motion(case.mechanism, case.initial_state, case.times, 1e-4, 1.0)
+    spin = [p.value for p in case.published if (p.of, p.observable) == ("first", "w_WB_W")]
+    assert np.linalg.norm(answer.w_WB_W[-1, 0] - spin) < 0.02 * np.linalg.norm(spin)
+
+
+@pytest.mark.parametrize("steps", [400, 1600])
+def test_a_contact_that_loses_its_load_at_once_keeps_no_speed_of_its_spring(steps):
+    """The ball in the corner stops spinning, and with it what pressed it on the wall: it rests."""
+    case = load_case("ball_in_corner-stays")
+    answer = contact_motion(case.mechanism, case.initial_state, case.times, case.sample / steps, 1.0)
+    assert np.linalg.norm(answer.v_WB_W[-1, 0]) < 1e-9
+    assert np.linalg.norm(answer.w_WB_W[-1, 0]) < 1e-9
