@@ -81,6 +81,7 @@ class Situation:
     contacts: int = 1
     times: int = 1
     other: str = ""
+    hard: float | None = None
     velocity: float = 1.0
     velocity_slope: float = 0.0
 
@@ -103,7 +104,8 @@ class Situation:
         )
         spread = np.full(len(TIMES), self.spread)
         true = self._with_events()
-        law = OtherLaw(self.other, "another law", motion(SIZE * OTHER * SHAPE)) if self.other else None
+        hard = None if self.hard is None else motion(SIZE * self.hard * SHAPE)
+        law = OtherLaw(self.other, "another law", motion(SIZE * OTHER * SHAPE), hard) if self.other else None
         yard = ReferenceMotion(true, spread, self.digits, self.growth, self.dispute, acting, self.singular, law)
         return compare_trajectory(MECHANISM, runs, yard, softer, self.earlier, self.lost)
 
@@ -155,6 +157,11 @@ HIT = np.array([0.5])
 
 OTHER = 0.01
 """Difference of the motion under another law of contact, over `SHAPE`."""
+
+
+def springs(h: float, s: float) -> float:
+    """Error of springs whose motion the reference has with their law, up to 1e-5."""
+    return OTHER + 1e-5
 
 
 def phase(size: float) -> Error:
@@ -308,7 +315,12 @@ SITUATIONS = (
         earlier="instant: accelerations",
     ),
     Situation("a convex law", lambda h, s: OTHER + 1e-5, M, "associated cone", order=None, other="associated cone"),
-    Situation("springs for rigid shapes", lambda h, s: OTHER + 1e-5, R, "compliance", order=None, other="compliance"),
+    Situation("springs for rigid shapes", springs, R, "compliance", order=None, other="compliance", hard=1e-4),
+    Situation("springs that lead elsewhere", springs, M, "no ladder", order=None, other="compliance", hard=8e-4),
+    Situation("springs of unknown limit", springs, M, "no ladder", order=None, other="compliance"),
+    Situation(
+        "springs, without power", springs, U, "no power", order=None, other="compliance", hard=1e-4, effect=0.004
+    ),
     Situation("other impacts", lambda h, s: OTHER + 1e-5, M, "impact law", order=None, other="impact law"),
     Situation(
         "slow rebounds that are none",

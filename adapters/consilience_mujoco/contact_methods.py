@@ -12,6 +12,7 @@ from consilience_mujoco.contact_instant import HARD, SOFT
 from consilience_mujoco.contact_motion import BOUNCE, BOUNCE_OF_STOPS, RELAXATION
 from consilience_mujoco.contacts import IMPEDANCE, bounds
 from consilience_mujoco.methods import DEFAULT_STEPS, INVWEIGHT_SCALE, OPTIONS, hard, iterations
+from consilience_mujoco.rebound_law import rebound_law
 from consilience_mujoco.rows import Equalities
 
 CONTACT_FEATURES = (
@@ -66,6 +67,7 @@ _NEWTON_WELDS = 1e-7
 """Factor on those of welds beside friction in a motion: by 1e-9 Newton's method stops at 1e-5 of the forces of a
 slider-crank, and CG does at any."""
 
+_REBOUND = "a spring and a damper of the same rebound; rigid as their softness vanishes"
 _CIRCLE = "circle; rigid and Coulomb's in the limit of small steps"
 _PYRAMID = (
     "pyramid of 4 facets, inscribed, associated and soft; the first tangent is the projection of the world's y, or of "
@@ -160,7 +162,9 @@ def _motions(mechanism: Mechanism, settings: dict[str, Any], equalities: Equalit
         settings |= {"opt.impratio": _RATIO, "pair_margin": "the overlap under the normal force at the start"}
     bouncing = BOUNCING_LOOP_STEPS if equalities.welds else BOUNCING_STEPS
     steps, softness = bouncing if bounces else STEPS, 1.0 if bounces or equalities.welds else None
-    yield Method("RK4", Route.TUNED, 1, steps, settings=settings, softness=softness, contact_law=law)
+    solved = rebound_law(mechanism)
+    named = _REBOUND if solved is not None else law
+    yield Method("RK4", Route.TUNED, 1, steps, settings=settings, softness=softness, contact_law=named, law=solved)
     if mechanism.contacts and not bounces:
         yield Method(
             "RK4, extrapolated in step and gains",

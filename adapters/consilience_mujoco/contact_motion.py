@@ -56,6 +56,11 @@ def damping_ratio(restitution: float) -> float:
     return 0.5 * (low + high)
 
 
+def rebound_gains(restitution: float, stiffness: float) -> tuple[float, float]:
+    """Return damping and stiffness over the inertia, of a restitution above zero."""
+    return 2.0 * damping_ratio(restitution) * float(np.sqrt(stiffness)), stiffness
+
+
 def rebound(z: float) -> float:
     """Return the restitution of a damping ratio z."""
     s = float(np.sqrt(abs(1.0 - z * z)))
@@ -115,9 +120,7 @@ def soften_defaults(model: Any, softness: float) -> None:
 
 def _gains(restitution: float, slow: tuple[float, float], stiffness: float) -> tuple[float, float]:
     """Damping and stiffness over the inertia: those of no rebound, or of a restitution by a given stiffness."""
-    if restitution == 0.0:
-        return slow
-    return 2.0 * damping_ratio(restitution) * float(np.sqrt(stiffness)), stiffness
+    return slow if restitution == 0.0 else rebound_gains(restitution, stiffness)
 
 
 def _solref(k: float, b: float, ratio: float) -> list[float]:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from consilience.compare.other_laws import COMPLIANCE
 from consilience.compare.power import LARGEST
 from consilience.compare.softness import EXPLAINED, Softness
 from consilience.compare.uncertainty import CAUTIOUS, ROUNDING, SAFE
@@ -113,6 +114,9 @@ class Evidence:
         case's, or the reference has no motion under it.
     off_law : float
         Difference of the finest level to the reference's motion under that law.
+    off_hard : float
+        Difference of the reference's motion under that law to the case's, its compliance far harder: what is soft leads
+        to the case. Zero of laws without a compliance, infinite if unknown.
     touching : bool
         Whether the case has contacts.
     off_soft : float
@@ -162,6 +166,7 @@ class Evidence:
     law: str = ""
     law_cause: str = ""
     off_law: float = math.inf
+    off_hard: float = 0.0
     touching: bool = False
     off_soft: float = math.inf
 
@@ -262,7 +267,12 @@ class Evidence:
     @property
     def explained_by_law(self) -> bool:
         """Whether the motion is that of the law of contact which the method solves, and not that of the case's law."""
-        return bool(self.law_cause) and self.off_law <= max(OTHER_LAW * self.finest, self.allowed)
+        return bool(self.law_cause) and self.off_law + self.off_hard <= max(OTHER_LAW * self.finest, self.allowed)
+
+    @property
+    def springs_explain(self) -> bool:
+        """Whether the difference is that of springs in place of rigid shapes, and vanishes with their softness."""
+        return self.law_cause == COMPLIANCE and self.explained_by_law
 
     @property
     def unresolved_rate(self) -> float:
@@ -302,6 +312,8 @@ class Evidence:
             return max(self.largest_limit, (self.finest + self.allowed) / 2.0 if near else 0.0)
         if self.within_phase:
             return self.impact_passes
+        if self.springs_explain:  # an error parts the motions under the law, or leads it elsewhere
+            return max(self.allowed, OTHER_LAW * self.finest)
         if self.within_jumps:
             return self.jumps + self.allowed
         share = OTHER_LAW if self.softness_proved else EXPLAINED
@@ -317,6 +329,7 @@ class Evidence:
             self.finest <= self.allowed
             or self.converges_here
             or self.within_phase
+            or self.springs_explain
             or self.within_jumps
             or (not self.earlier and self.softness_explains)
         )

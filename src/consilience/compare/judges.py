@@ -17,7 +17,7 @@ from consilience.compare.evidence import OTHER_LAW
 from consilience.compare.instant import compare_instant, compare_model
 from consilience.compare.instants import Instants, instants_at
 from consilience.compare.judge import REFERENCE, at_singular_pose, reference_motion_of
-from consilience.compare.other_laws import answer_under, cause_of
+from consilience.compare.other_laws import answer_under, cause_of, hardened
 from consilience.compare.other_methods import lost_by_solver
 from consilience.compare.power_of_bars import at_first_states, instants_at_first_states, with_power
 from consilience.compare.published import dispute, start_against_published
@@ -198,7 +198,9 @@ class TrajectoryJudge(QuestionJudge):
         cause = "" if under is None or method.law is None else cause_of(method.law, self.case.mechanism)
         if under is None or not cause:
             return found
-        return replace(found, other_law=OtherLaw(cause, method.contact_law, under.answer))
+        hard = answer_under(hardened(method.law), self.references)
+        other = OtherLaw(cause, method.contact_law, under.answer, None if hard is None else hard.answer)
+        return replace(found, other_law=other)
 
     @cached_property
     def _first_singular(self) -> int | None:

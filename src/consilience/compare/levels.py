@@ -30,6 +30,7 @@ from consilience.compare.motion import (
     sampled_motion,
     saturation,
 )
+from consilience.compare.other_laws import COMPLIANCE
 from consilience.compare.reference_motion import ReferenceMotion, up_to_shortest
 from consilience.compare.result import Level
 from consilience.engine import Run, TrajectoryAnswer
@@ -246,7 +247,11 @@ class Levels:
         if other is None:
             return {}
         off = difference_over_time(self.answers[-1], other.answer, self.scales.size)[: self.judged]
-        return {"law": other.name, "law_cause": other.cause, "off_law": float(np.max(off, initial=0.0))}
+        off_hard = 0.0
+        if other.cause == COMPLIANCE:
+            off_hard = np.inf if other.hard is None else self._off(other.hard)
+        off_law = float(np.max(off, initial=0.0))
+        return {"law": other.name, "law_cause": other.cause, "off_law": off_law, "off_hard": off_hard}
 
     def _off_soft(self) -> float:
         """Return the difference of the finest level, or of the limit of the steps, to the motion with soft contacts."""

@@ -65,11 +65,19 @@ class OtherLaw:
     name : str
         The law in words.
     answer : TrajectoryAnswer
+    hard : TrajectoryAnswer or None
+        The motion with the compliance of the law far harder (`other_laws.hardened`); None of other laws.
     """
 
     cause: str
     name: str
     answer: TrajectoryAnswer
+    hard: TrajectoryAnswer | None = None
+
+    def up_to(self, count: int) -> OtherLaw:
+        """Return the first samples alone."""
+        hard = self.hard and first_samples(self.hard, count)
+        return replace(self, answer=first_samples(self.answer, count), hard=hard)
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,7 +191,7 @@ class ReferenceMotion:
 
     def up_to(self, count: int) -> ReferenceMotion:
         """Return the first samples alone, for motions that end there."""
-        law = self.other_law and replace(self.other_law, answer=first_samples(self.other_law.answer, count))
+        law = self.other_law and self.other_law.up_to(count)
         soft = self.soft and first_samples(self.soft, count)
         growth = None if self.growth is None else self.growth[:count]
         answer = first_samples(self.answer, count)

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from consilience.compare.evidence import LOST, RESOLVED, Evidence
+from consilience.compare.other_laws import COMPLIANCE, HARDER
 from consilience.compare.power import LARGEST
 from consilience.compare.result import Verdict
 
@@ -85,7 +86,7 @@ def _not_asymptotic_text(e: Evidence) -> str:
 OTHER_LAWS = (
     ("cone shape", Verdict.MODEL, "the friction cone"),
     ("associated cone", Verdict.MODEL, "the convex law of friction"),
-    ("compliance", Verdict.REGULARISATION, "the compliance"),
+    (COMPLIANCE, Verdict.REGULARISATION, "the compliance"),
     ("impact law", Verdict.MODEL, "the law of impacts"),
     ("restitution threshold", Verdict.MODEL, "the threshold of rebounds"),
 )
@@ -99,6 +100,11 @@ def _together_text(e: Evidence) -> str:
     return f" (several contacts take part in the impact at {e.together:.4g} s: after any gap another motion follows)"
 
 
+def _hard_text(e: Evidence) -> str:
+    """Say where the reference's motion with a compliance leads as it gets harder."""
+    return f"; {HARDER:g} times as hard, that one differs by {e.off_hard:.2g} from the case's"
+
+
 def _law_rule(cause: str, verdict: Verdict, what: str) -> Rule:
     """Return the rule for a motion under another law of contact."""
     return Rule(
@@ -106,7 +112,10 @@ def _law_rule(cause: str, verdict: Verdict, what: str) -> Rule:
         verdict,
         f"the motion is not that of the case's law of contact, but that of {what} which the method solves",
         lambda e: e.law_cause == cause and e.explained_by_law,
-        lambda e: f"differs by {e.finest:.2g}, and by {e.off_law:.2g} from the reference's motion with {e.law}",
+        lambda e: (
+            f"differs by {e.finest:.2g}, and by {e.off_law:.2g} from the reference's motion with {e.law}"
+            f"{_hard_text(e) if cause == COMPLIANCE else ''}"
+        ),
     )
 
 

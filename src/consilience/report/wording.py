@@ -186,7 +186,7 @@ CAUSES: dict[str, str] = {
     "impacts within steps": "Impacts fall at any phase of a step; smaller steps lead closer to the reference.",
     "cone shape": "The engine slides by another friction cone than the case's, as the reference with that cone does.",
     "associated cone": "What slides also lifts: the engine's friction is convex, as the reference with that law shows.",
-    "compliance": "The engine's contacts are springs; the reference with the same springs moves alike.",
+    "compliance": "The engine's contacts are springs; the reference with them moves alike, and as the case if harder.",
     "impact law": "Bodies that hit part by another law, as in the reference with the engine's law of impacts.",
     "restitution threshold": "Slow impacts do not rebound, as in the reference with the engine's threshold.",
     "modes within steps": "Contacts change their mode within steps; smaller ones lead closer to the reference.",

@@ -8,6 +8,7 @@ from typing import Any
 
 from consilience.case import Case
 from consilience.compare.judge import REFERENCE
+from consilience.compare.other_laws import hardened
 from consilience.engine import Question, Run, Status
 from consilience.engine.worker.client import EngineHandle
 from consilience.engine.worker.requests import Plan, Request
@@ -31,14 +32,15 @@ def with_law(mechanism: Mechanism, law: ContactLaw) -> Mechanism:
 def laws_to_solve(runs: Sequence[Run]) -> list[tuple[Question, ContactLaw]]:
     """Return the laws of contact that methods with answers declare, with their questions, each once.
 
-    Those of soft contacts count where the softness was varied, without which no verdict depends on them.
+    Those of soft contacts count where the softness was varied, without which no verdict depends on them. A compliance
+    is asked about far harder, too.
     """
     answered = [run for run in runs if run.status is Status.ANSWERED and run.method is not None]
     asked: list[tuple[Question, ContactLaw]] = []
     for run in answered:
         assert run.method is not None
         soft = None if run.method.softness in (None, 1.0) else run.method.soft_law
-        for law in (run.method.law, soft):
+        for law in (run.method.law, hardened(run.method.law), soft):
             if law is not None and run.question is not Question.MODEL and (run.question, law) not in asked:
                 asked.append((run.question, law))
     return asked

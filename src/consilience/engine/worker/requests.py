@@ -198,7 +198,7 @@ def _plan(engine: Engine, mechanism: Mechanism, states: Sequence[State]) -> Plan
     can = [q for q in Question if not unsupported[q]]
     return Plan(
         unsupported,
-        {q: with_units(mechanism, states, q, engine.methods(mechanism, q)) for q in can},
+        {q: _methods(engine, mechanism, q, states) for q in can},
         engine.manifest(mechanism) if can else Manifest(),
     )
 
@@ -237,8 +237,23 @@ def offer(
 ) -> tuple[tuple[Unsupported, ...], tuple[Method, ...]]:
     """Return the features that an engine cannot represent, and its methods if there are none."""
     unsupported = _unsupported(engine, mechanism, question)
-    methods = () if unsupported else engine.methods(mechanism, question)
-    return unsupported, with_units(mechanism, states, question, methods) if methods else ()
+    return unsupported, () if unsupported else _methods(engine, mechanism, question, states)
+
+
+def _methods(engine: Engine, mechanism: Mechanism, question: Question, states: Sequence[State]) -> tuple[Method, ...]:
+    """Return the methods of an engine, with the units of the mechanism where they need any.
+
+    A compliance follows from inertias and the adapter's constants: it is asked for in the units of the method.
+    """
+    methods = engine.methods(mechanism, question)
+    found = with_units(mechanism, states, question, methods)
+    springs = [one for one in found if one.law is not None and one.law.compliance is not None]
+    if not springs or (units := units_of(springs[0])) == Units():
+        return found
+    own = {one.name: one.law for one in engine.methods(_in_units(mechanism, *units), question)}
+    names = {one.name for one in springs}
+    given = (replace(one, law=own[one.name]) if one.name in names else one for one in methods)
+    return with_units(mechanism, states, question, tuple(given))
 
 
 def _survey(engine: Engine, mechanism: Mechanism, request: Request) -> AnswerSet:
