@@ -186,6 +186,18 @@ def test_compression_that_friction_leaves_open_leaves_the_rebound_open():
     assert smooth.unique is not False
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_what_compression_stops_and_restitution_returns_nothing_to_stays_at_rest_by_poissons_law(seed):
+    # one freedom: two contacts that approach stop it, however they share the impulse
+    row = np.random.default_rng(seed).normal(size=6)
+    row[[0, 3]] = np.abs(row[[0, 3]])
+    sets = tuple(FrictionSet("c", (k + 1, k + 2), 0.4, 0.4, k) for k in (0, 3))
+    problem = ContactProblem(np.outer(row, row), -1.3 * row, ("c",) * 6, (0, 3), sets, size=1.3)
+    found = solve_impulse(problem, np.zeros(2), "poisson")
+    assert found.unique is not False
+    np.testing.assert_allclose(found.velocity, 0.0, atol=1e-12)
+
+
 @pytest.mark.parametrize("laws", [("newton", "poisson"), ("moreau", "newton"), ("poisson", "moreau")])
 def test_contacts_that_do_not_act_on_one_another_keep_their_laws_at_one_instant(laws):
     G = np.array([[2.3, 1.1, 0.3], [1.1, 3.0, 0.0], [0.3, 0.0, 1.0]])

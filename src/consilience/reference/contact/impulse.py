@@ -264,9 +264,12 @@ def _poisson(problem: ContactProblem, restitution: Array) -> ImpulseSolution:
 
 
 def _two_phases(problem: ContactProblem, restitution: Array) -> tuple[Array, bool | None]:
+    """Solve compression and expansion; without a rebound beyond rounding, what compression leaves at rest stays so."""
     compression = decide(problem)
     preload = np.zeros(len(problem.free))
     preload[list(problem.normals)] = restitution * compression.force[list(problem.normals)]
+    if np.all(np.abs(problem.delassus @ preload) <= problem.rounding * problem.row_scale()):
+        return compression.force, compression.unique
     sets = tuple(replace(f, offset=float(preload[f.load])) for f in problem.friction if f.load is not None)
     free = compression.acceleration + problem.delassus @ preload
     expansion = decide(replace(problem, free=free, friction=sets))
