@@ -87,3 +87,12 @@ def test_random_motions_with_contact_do_not_depend_on_frames_or_order(seed):
 def test_cases_with_contact_do_not_depend_on_frames_or_order(name):
     case = load_case(name)
     check(case.mechanism, case.initial_state, case.times, "newton", 1e-11, np.random.default_rng(1))
+
+
+def test_what_sticks_rather_does_not_depend_on_the_tolerance():
+    """A joint with dry friction turns back where three contacts share a load: one slip or several let it go on."""
+    mechanism, start = random_contacts(5179)
+    contacts = (replace(c, restitution=0.0, static_friction=1.4 * c.friction) for c in mechanism.contacts)
+    mechanism = replace(mechanism, contacts=tuple(contacts))
+    places = [simulate_with_contacts(mechanism, start, TIMES, tol)[0].p_WB for tol in (1e-9, 1e-10, 1e-11, 1e-12)]
+    np.testing.assert_allclose(places, np.broadcast_to(places[-1], np.shape(places)), rtol=0, atol=1e-8)

@@ -115,6 +115,24 @@ def test_static_friction_holds_more_than_kinetic():
     np.testing.assert_allclose(slides.acceleration[1], g * (np.sin(slope) - 0.25 * np.cos(slope)), rtol=1e-12)
 
 
+@pytest.mark.parametrize("signs", [(1, 1, 1), (-1, 1, -1), (1, -1, -1)])
+def test_what_can_stick_sticks_though_another_slip_is_admissible_and_was_there_before(signs):
+    # Two blocks of 1 kg in a row: the first on a brake of 1 N and pushed by 3.2 N, a joint between them that holds 2 N
+    # and slips by 1 N, the second on a brake of 3.3 N and pushed by 2 N. The joint slips and the second brake holds, or
+    # the joint holds and both go at (5.2 - 4.3)/2 m/s^2, with 3.2 - 1 - 0.45 N in the joint.
+    rows, push = np.diag(signs) @ np.array([[1.0, 0.0], [1.0, -1.0], [0.0, 1.0]]), np.array([3.2, 2.0])
+    laws = [(1.0, 1.0, 1.0), (0.5, 1.0, 2.0), (1.0, 1.0, 3.3)]
+    sets = tuple(FrictionSet("", (k,), slides, sticks, None, C) for k, (slides, sticks, C) in enumerate(laws))
+    problem = ContactProblem(rows @ rows.T, rows @ push, ("a", "b", "c"), (), sets)
+    slid = problem.natural_modes()
+    for j in (0, 1):
+        slid = slid.with_friction(j, sets[j].sliding(problem.free[[j]]))
+    found = decide(problem, slid)
+    assert not found.others
+    np.testing.assert_allclose(found.acceleration, rows @ [0.45, 0.45], atol=1e-13)
+    np.testing.assert_allclose(found.force, -np.array(signs) * [1.0, 1.75, 3.3], atol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("angle", "rate", "A", "B", "normal_forces"),
     [

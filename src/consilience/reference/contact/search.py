@@ -15,7 +15,7 @@ from consilience.reference.contact.cones import StickingMargin, admissible_force
 from consilience.reference.contact.headings import Headings
 from consilience.reference.contact.inclusion import residual
 from consilience.reference.contact.mode_system import RANK, ModeSolution, active, columns_and_rows
-from consilience.reference.contact.problem import ContactProblem, Modes
+from consilience.reference.contact.problem import ContactProblem, FrictionMode, Modes
 from consilience.reference.contact.uniqueness import proven_unique
 
 VERIFIED = 1e-11
@@ -33,6 +33,9 @@ _PARALLEL = 1.0 - 1e-12
 """Cosine of headings that are the same: from headings that are merely close, exchanges can lead elsewhere."""
 
 SHARE = "how the contacts share their load is open, and with it the friction of those that slide"
+
+_BOUND = 1e-7
+"""Margins of undetermined forces that count as the least, over the forces."""
 
 _SIDES = 6
 """Covering vectors tried where combinations are too many."""
@@ -54,6 +57,7 @@ class ModeSearch:
         self.natural = problem.natural_modes()
         self.undecided = candidates.undecided(problem)
         self.acceleration_unit = float(np.max(np.abs(problem.free) / problem.row_scale(), initial=0.0)) or 1.0
+        self.force_unit = float(np.max(np.abs(problem.free) / problem.row_scale() ** 2, initial=0.0)) or 1.0
         self.best: tuple[float, str] = (np.inf, "")
         self.started: frozenset[int] = frozenset()
         self.unique = False  # whether a sufficient condition for that holds
@@ -90,8 +94,10 @@ class ModeSearch:
             return found, (), True
         others: list[ModeSolution] = []
         all_tried = exhaustive and candidates.count(self.problem) <= _MOST
-        for one in self.all(found) if all_tried else self._elsewhere(found):
-            if all(self.differs(one, other) for other in (found, *others)):
+        for one in self.all() if all_tried else self._elsewhere(found):
+            if self._sticks_rather(one, found):
+                found, others = one, [other for other in others if self.differs(one, other)]
+            elif all(self.differs(one, other) for other in (found, *others)):
                 others.append(one)
         if self.family is not None and self.differs(found, self.family):
             raise self.failure()
@@ -108,12 +114,29 @@ class ModeSearch:
         coverings = np.random.default_rng(0).uniform(0.05, 1.0, size=(_SIDES, count))
         opened = Modes(np.zeros(len(self.problem.normals), dtype=bool), self.natural.friction)
         guesses = map(self.pyramids.guess, coverings)
-        for modes in (self.natural, opened, *guesses):
+        for modes in (self.natural, opened, *self._slips_one_by_one(), *guesses):
             if modes is not None and not any(alike(modes, one) for one in tried):
                 tried.append(modes)
                 solved = self.exchanged(modes, passed)
                 if solved is not None:
                     yield solved
+
+    def _slips_one_by_one(self) -> Iterator[Modes]:
+        """Yield modes in which one set slips that is at its bound where all is held.
+
+        The widest margin of undetermined forces has several there, and which of them slips is a choice of the search:
+        what has a larger coefficient while it sticks may hold where another one slips.
+        """
+        if any(self.problem.friction[j].static > self.problem.friction[j].kinetic for j in self.undecided):
+            margin = self._margin(Headings(self.problem, self.natural).solved())
+            reached = margin.of_friction < min(margin.value + _BOUND * self.force_unit, 0.0)
+            for j in np.flatnonzero(reached).tolist():
+                yield self.natural.with_friction(j, self._slip_of(j, margin))
+
+    def _slip_of(self, j: int, margin: StickingMargin) -> FrictionMode:
+        """Return the mode in which a friction set slips against the force of a margin."""
+        one, base = self.problem.friction[j], self.natural.friction[j]
+        return candidates.slips(one, base, -(base.held.T @ base.held @ margin.force[list(one.rows)]))
 
     def first(self, preferred: Modes | None) -> ModeSolution | None:
         """Return the first admissible candidate."""
@@ -243,7 +266,7 @@ class ModeSearch:
         """Return the modes with the worst violation mended; normal rows before friction."""
         problem, modes, weight = self.problem, solved.modes, self.problem.row_scale()
         margin = self._margin(solved)
-        unit = float(np.max(np.abs(problem.free) / weight**2)) or 1.0
+        unit = self.force_unit
         pulls = np.where(modes.closed, margin.of_normal, np.inf) / unit
         normals = list(problem.normals)
         sinks = np.where(modes.closed, np.inf, solved.acceleration[normals] / weight[normals] ** 2 / unit)
@@ -255,9 +278,7 @@ class ModeSearch:
             return replace(modes, closed=closed)
         j = int(np.argmin(margin.of_friction)) if len(margin.of_friction) else 0
         if len(margin.of_friction) and margin.of_friction[j] < -VERIFIED * unit:
-            one, base = problem.friction[j], self.natural.friction[j]
-            heading = -(base.held.T @ base.held @ margin.force[list(one.rows)])
-            return modes.with_friction(j, candidates.slips(one, base, heading))
+            return modes.with_friction(j, self._slip_of(j, margin))
         return self._turned(solved)
 
     def _turned(self, solved: ModeSolution) -> Modes | None:
@@ -280,14 +301,28 @@ class ModeSearch:
 
         What can stick sticks, where the static coefficient is the larger one.
         """
-        for j in self.undecided:
-            law = self.problem.friction[j]
-            if law.static > law.kinetic and len(one.modes.friction[j].held) != len(other.modes.friction[j].held):
-                return False
+        held, as_well = self._held(one), self._held(other)
+        if not np.array_equal(held, as_well) and (np.all(held >= as_well) or np.all(held <= as_well)):
+            return False
+        return self._apart(one, other)
+
+    def _apart(self, one: ModeSolution, other: ModeSolution) -> bool:
+        """Return whether the accelerations of two solutions differ."""
         weight = self.problem.row_scale()
         unit = max(float(np.max(np.abs(s.acceleration) / weight)) for s in (one, other)) or 1.0
         unit = max(unit, float(np.max(np.abs(self.problem.free) / weight)))
         return bool(np.max(np.abs(one.acceleration - other.acceleration) / weight) > _SAME * unit)
+
+    def _held(self, solved: ModeSolution) -> Array:
+        """Return the number of held directions of each set whose static coefficient is the larger one."""
+        sets = [j for j in self.undecided if self.problem.friction[j].static > self.problem.friction[j].kinetic]
+        return np.array([len(solved.modes.friction[j].held) for j in sets], dtype=int)
+
+    def _sticks_rather(self, one: ModeSolution, found: ModeSolution) -> bool:
+        """Return whether a solution holds what another lets slide, and nothing that has just broken away."""
+        held, before = self._held(one), self._held(found)
+        starts = all(len(one.modes.friction[j].held) == len(found.modes.friction[j].held) for j in self.started)
+        return starts and bool(np.all(held >= before) and np.any(held > before)) and self._apart(one, found)
 
     def failure(self) -> NumericalFailure:
         """Return the error of a problem without a solution."""
