@@ -308,6 +308,21 @@ def test_a_slip_that_reverses_shows_the_law_of_impact_of_the_contact(law, impuls
     close(centre(answer, 1)[1][2], impulse - 1.0)
 
 
+@pytest.mark.parametrize("kind", ["box", "pyramid"])
+def test_an_impact_that_loses_energy_passes_though_its_friction_adds_some(kind):
+    """The rod above, faster: N = 1.5/2.05 by hand, and the slip reverses from -0.4 to less, so that friction adds."""
+    tip = np.array([1.0, 0.0, -1.0]) / np.sqrt(2)
+    rod, along = body("b", 1.0, [1e-3, 1 / 3, 1 / 3]), tuple(TURN @ X)
+    contact = on_plane("tip", X, 0.3, restitution=0.5, cone=Cone(kind, tangent=along))
+    start = state([0.1 * Z - tip], [[-0.4, 0.0, -1.0]], R=[about_y(np.pi / 4)])
+    answer, _ = run(floating([rod], [contact], gravity=ZERO), start, 0.15)
+    N = 1.5 / 2.05
+    _, v, w = centre(answer, 1)
+    close(v, [-0.4 - 0.3 * N, 0.0, N - 1.0])
+    close(w, np.cross(tip, [-0.3 * N, 0.0, N]) * 3.0)
+    close(answer.contact_loss[1], 0.5 * (1.16 - v @ v - w @ w / 3.0))
+
+
 def test_a_rocking_block_loses_its_rate_by_a_constant_ratio_at_each_impact():
     """Housner: times by quadrature of the pendulum equation of each half period."""
     alpha, m = np.arctan2(0.1, 0.3), 2.0

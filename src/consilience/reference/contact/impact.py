@@ -50,7 +50,7 @@ from consilience.mechanism import Array, Contact, Mechanism, State, Units, chara
 from consilience.reference.bodies.arrays import unpack
 from consilience.reference.bodies.canonical import joint_wrenches
 from consilience.reference.contact.equations import ContactEquations
-from consilience.reference.contact.impulse import solve_impulse
+from consilience.reference.contact.impulse import has_table, solve_impulse
 from consilience.reference.contact.layout import RowLayout, layout_of
 from consilience.reference.contact.response import Response
 from consilience.reference.contact.row_modes import open_modes
@@ -300,7 +300,7 @@ def apply_impact(
         *(stepper.t, normals, found.modes, force, lam, before, after, *rates, equations.rows.frame.copy(), *energies)
     )
     if set(laws) <= {"newton"} and not any(one.associated for one in problem.friction):
-        _check_energy(impact, layout, at_rest)
+        _check_energy(impact, layout, at_rest, has_table(problem))
     return impact
 
 
@@ -329,13 +329,17 @@ def velocity_scale(mechanism: Mechanism, state: State) -> float:
     return float(max(v, characteristic_length(mechanism) * w))
 
 
-def _check_energy(impact: AppliedImpact, layout: RowLayout, at_rest: float) -> None:
-    """Refuse an impact that creates energy, but for what impulses do on rates that count as zero."""
-    restitution_loss, friction_loss = impact.losses(layout)
+def _check_energy(impact: AppliedImpact, layout: RowLayout, at_rest: float, by_table: bool) -> None:
+    """Refuse an impact that creates energy, but for what impulses do on rates that count as zero.
+
+    By Newton's table neither restitution nor friction creates any; by Moreau's law what friction gives a slip that it
+    reverses may be less than what restitution takes.
+    """
+    losses = impact.losses(layout)
     slack = _ENERGY * impact.energy + at_rest * float(np.sum(np.abs(impact.force)))
-    if min(restitution_loss, friction_loss) < -slack:
+    if (min(losses) if by_table else sum(losses)) < -slack:
+        by_restitution, by_friction = (-loss / impact.energy for loss in losses)
         raise NumericalFailure(
             f"impact of {', '.join(_names(layout, impact.normals))} at t = {impact.time:.12g} s: it would create "
-            f"energy, {-restitution_loss / impact.energy:.3g} of that before by restitution and "
-            f"{-friction_loss / impact.energy:.3g} by friction"
+            f"energy: of that before, {by_restitution:+.3g} by restitution and {by_friction:+.3g} by friction"
         )

@@ -126,18 +126,19 @@ def _solve(problem: ContactProblem, restitution: Array, law: str, at_rest: float
         return _convex(problem, restitution)
     if law == "poisson":
         return _poisson(problem, restitution)
-    if law == "newton" and all(_is_circle(f) for f in problem.friction) and _one_each(problem):
+    if law == "newton" and has_table(problem):
         return _newton(problem, restitution, at_rest, time)
     return _moreau(problem, restitution)
 
 
+def has_table(problem: ContactProblem) -> bool:
+    """Return whether Newton's table of modes covers the friction of all loads: circles, one for each."""
+    sets = [f for f in problem.friction if f.load is not None]
+    return all(map(_is_circle, sets)) and len({f.load for f in sets}) == len(sets)
+
+
 def _is_circle(one: FrictionSet) -> bool:
     return len(one.rows) == 2 and one.facets == 0
-
-
-def _one_each(problem: ContactProblem) -> bool:
-    loads = [f.load for f in problem.friction]
-    return len(set(loads)) == len(loads)
 
 
 def _newton(problem: ContactProblem, restitution: Array, at_rest: float, time: float) -> ImpulseSolution:
