@@ -323,6 +323,23 @@ def test_an_impact_that_loses_energy_passes_though_its_friction_adds_some(kind):
     close(answer.contact_loss[1], 0.5 * (1.16 - v @ v - w @ w / 3.0))
 
 
+@pytest.mark.parametrize("law", [{}, {"static_friction": 0.6}, {"torsional": 0.02, "rolling": 0.01}])
+def test_bodies_that_touch_and_fall_together_fall_freely(law):
+    """Nothing presses: what the contact has to decide is rounding."""
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        turns, n, places = [rotation(rng), rotation(rng)], rotation(rng)[:, 0], rng.normal(size=(2, 3))
+        at = 0.2 * rng.normal(size=3)  # centre of a sphere, from the centre of mass of the first body
+        touched = turns[1].T @ (places[0] + turns[0] @ at - 0.1 * n - places[1])
+        contact = SpherePlane("c", "a", OFF + at, 0.1, "b", OFF + touched, turns[1].T @ n, friction=0.4, **law)
+        pair = floating([body("a", 1.1, (0.05, 0.06, 0.07)), body("b", 2.3, (0.08, 0.05, 0.06))], [contact])
+        v = rng.normal(size=3)
+        answer, _ = run(pair, state(places, [v, v], R=turns), 0.25, 0.5)
+        for sample, t in ((1, 0.25), (2, 0.5)):
+            for b in (0, 1):
+                close(centre(answer, sample, b)[0], places[b] + t * v - [0.0, 0.0, 0.5 * G * t**2])
+
+
 def test_a_rocking_block_loses_its_rate_by_a_constant_ratio_at_each_impact():
     """Housner: times by quadrature of the pendulum equation of each half period."""
     alpha, m = np.arctan2(0.1, 0.3), 2.0

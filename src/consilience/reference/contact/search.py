@@ -307,11 +307,12 @@ class ModeSearch:
         return self._apart(one, other)
 
     def _apart(self, one: ModeSolution, other: ModeSolution) -> bool:
-        """Return whether the accelerations of two solutions differ."""
+        """Return whether the accelerations of two solutions differ by more than rounding."""
         weight = self.problem.row_scale()
         unit = max(float(np.max(np.abs(s.acceleration) / weight)) for s in (one, other)) or 1.0
         unit = max(unit, float(np.max(np.abs(self.problem.free) / weight)))
-        return bool(np.max(np.abs(one.acceleration - other.acceleration) / weight) > _SAME * unit)
+        least = max(_SAME * unit, self.problem.rounding)
+        return bool(np.max(np.abs(one.acceleration - other.acceleration) / weight) > least)
 
     def _held(self, solved: ModeSolution) -> Array:
         """Return the number of held directions of each set whose static coefficient is the larger one."""
