@@ -78,9 +78,9 @@ def _box_axis(normal: Array) -> Array:
 
 
 def impact_law(mechanism: Mechanism) -> ContactLaw | None:
-    """Return DART's law of impacts and threshold of rebounds, as a law of all contacts; None where nothing rebounds."""
-    rebounds = any(contact.restitution > 0.0 for contact in mechanism.contacts)
-    return ContactLaw(rebound_threshold=THRESHOLD, impact_law="moreau") if rebounds else None
+    """Return DART's law of impacts and threshold of rebounds, as a law of all contacts; None without both."""
+    matters = any(contact.restitution > 0.0 or contact.friction > 0.0 for contact in mechanism.contacts)
+    return ContactLaw(rebound_threshold=THRESHOLD, impact_law="moreau") if matters else None
 
 
 def default_law(mechanism: Mechanism) -> ContactLaw | None:

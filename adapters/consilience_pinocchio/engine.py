@@ -87,7 +87,8 @@ def _touching(mechanism: Mechanism) -> dict[Question, tuple[Method, ...]]:
     associated = any(contact.associated for contact in mechanism.contacts)
     settings = SETTINGS | {"solve_ncp": not associated}
     rebounds = any(contact.restitution > 0.0 for contact in mechanism.contacts)
-    moreau = ContactLaw(impact_law="moreau") if rebounds else None
+    rubs = any(contact.friction > 0.0 for contact in mechanism.contacts)
+    moreau = ContactLaw(impact_law="moreau") if rebounds or rubs else None
     law = ("circle, associated" if associated else "circle") if mechanism.contacts else ""
     law += "; Moreau's impacts" if moreau else ""
     stepped = Method(

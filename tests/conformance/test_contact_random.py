@@ -8,6 +8,7 @@ from consilience.audit.fuzz.population import specimen
 from consilience.case import load_cases
 from consilience.engine import CannotRepresent, Question, load_engine
 from consilience.mechanism import determinate_forces, rotation_from_bryant_xyz
+from consilience.reference.contact import simulate_with_contacts
 
 LAB, G = rotation_from_bryant_xyz([0.3, -0.7, 0.5]), 9.81
 
@@ -81,6 +82,19 @@ def test_contacts_that_fit_in_no_way_at_rest_start_to_slide(seed):
     case = specimen(seed, contacts=True).case
     with pytest.raises(CannotRepresent, match="starts to slide"):
         accelerations("exudyn", case)
+
+
+@pytest.mark.parametrize("engine", ["dart", "pinocchio"])
+def test_impacts_with_friction_are_those_of_the_law_that_is_named(engine):
+    """Two impacts without rebound, in which friction opposes the velocity before or, by Moreau's law, after."""
+    engine, case, times = load_engine(engine), specimen(51006, contacts=True).case, np.linspace(0.0, 0.2, 11)
+    method = engine.methods(case.mechanism, Question.TRAJECTORY)[0]
+    assert method.law is not None
+    laws = "newton", method.law.impact_law
+    of_case, of_law = (simulate_with_contacts(case.mechanism, case.initial_state, times, 1e-12, law)[0] for law in laws)
+    found = engine.trajectory(case.mechanism, case.initial_state, times, method, 5e-4)
+    assert np.max(np.abs(of_law.p_WB - of_case.p_WB)) > 6e-3
+    assert np.max(np.abs(found.p_WB - of_law.p_WB)) < 1e-3
 
 
 @pytest.mark.parametrize("engine", ["dart", "exudyn", "mujoco", "pinocchio"])

@@ -114,6 +114,8 @@ class Evidence:
         case's, or the reference has no motion under it.
     off_law : float
         Difference of the finest level to the reference's motion under that law.
+    law_apart : float
+        Difference of the reference's motion under that law to the case's.
     off_hard : float
         Difference of the reference's motion under that law to the case's, its compliance far harder: what is soft leads
         to the case. Zero of laws without a compliance, infinite if unknown.
@@ -166,6 +168,7 @@ class Evidence:
     law: str = ""
     law_cause: str = ""
     off_law: float = math.inf
+    law_apart: float = 0.0
     off_hard: float = 0.0
     touching: bool = False
     off_soft: float = math.inf
@@ -230,8 +233,12 @@ class Evidence:
 
     @property
     def within_phase(self) -> bool:
-        """Whether impacts at any phase of a step explain the difference, by levels far from saturation."""
-        return self.impacts and self.saturation <= LINEAR and self.finest <= self.impact_bound + self.allowed
+        """Whether impacts at any phase of a step explain the difference, by levels far from saturation.
+
+        A method that solves a law of which the motion is not the case's does not lead there.
+        """
+        leads_here = self.impacts and self.saturation <= LINEAR and self.law_apart <= self.allowed
+        return leads_here and self.finest <= self.impact_bound + self.allowed
 
     @property
     def by_scatter(self) -> bool:
@@ -266,8 +273,14 @@ class Evidence:
 
     @property
     def explained_by_law(self) -> bool:
-        """Whether the motion is that of the law of contact which the method solves, and not that of the case's law."""
-        return bool(self.law_cause) and self.off_law + self.off_hard <= max(OTHER_LAW * self.finest, self.allowed)
+        """Whether the motion is that of the law of contact which the method solves, and not that of the case's law.
+
+        Where bodies hit, it may also be off the former by what impacts at any phase of a step make, and off the latter
+        by more than twice that.
+        """
+        off, phase = self.off_law + self.off_hard, self.impact_bound + self.allowed
+        met = off <= max(OTHER_LAW * self.finest, self.allowed)
+        return bool(self.law_cause) and (met or (self.law_cause != COMPLIANCE and self.beyond_phase and off <= phase))
 
     @property
     def springs_explain(self) -> bool:

@@ -242,7 +242,7 @@ class Levels:
         return 2.0 * rate * step * (step * float(changes) + self.reference_motion.since_departures(end))
 
     def _other_law(self) -> dict[str, Any]:
-        """Return the law of contact that the method solves, and the difference of the finest level to its motion."""
+        """Return the law of contact that the method solves, and the differences of its motion."""
         other = self.reference_motion.other_law
         if other is None:
             return {}
@@ -250,8 +250,8 @@ class Levels:
         off_hard = 0.0
         if other.cause == COMPLIANCE:
             off_hard = np.inf if other.hard is None else self._off(other.hard)
-        off_law = float(np.max(off, initial=0.0))
-        return {"law": other.name, "law_cause": other.cause, "off_law": off_law, "off_hard": off_hard}
+        found = {"off_law": float(np.max(off, initial=0.0)), "law_apart": self._off(other.answer), "off_hard": off_hard}
+        return {"law": other.name, "law_cause": other.cause, **found}
 
     def _off_soft(self) -> float:
         """Return the difference of the finest level, or of the limit of the steps, to the motion with soft contacts."""
