@@ -92,7 +92,8 @@ def test_feet_that_turn_about_one_axis_halt_together_though_one_moves_faster():
     simulation = ContactSimulation(mechanism, moving, np.array([0.0, 1.0]), 1e-10)
     slips = simulation.equations.rows.u.copy()
     assert near * w < STOPPED * simulation.speed < reach * w
-    halted, _ = simulation._halt(frozenset([0]), slips, np.ones(2, dtype=bool))
+    speeds = simulation.speed, simulation.speed
+    halted, _ = simulation.small.halt(frozenset([0]), slips, np.ones(2, dtype=bool), speeds)
     assert halted == [row for one in simulation.layout.friction for row in one.rows]
     assert not np.any(slips[halted])
     assert simulation.stepper.state().w_WB_W == pytest.approx(0.0, abs=1e-20)
@@ -109,5 +110,5 @@ def test_what_leaves_its_line_turns_to_its_slip_even_from_behind():
     for leaving, side in ((set(), -1.0), ({0}, 1.0)):
         run.stepper.turn((np.array([-0.6 * slip[0] + 0.8 * slip[1], -0.6 * slip[1] - 0.8 * slip[0]]) / size,))
         run.slips.leaving = leaving
-        run.slips.turn(run.stepper, run.speed)
+        run.slips.turn(run.stepper, run.speed, run.speed)
         np.testing.assert_allclose(run.stepper.modes.heading[0], side * slip / size, atol=1e-12)

@@ -36,7 +36,7 @@ class EventFunctions:
         self.watches: list[Watch] = []
         self.armed = np.zeros(0, dtype=bool)
 
-    def renew(self, found: LastingContact, stepper: Stepper, speed: float) -> None:
+    def renew(self, found: LastingContact, stepper: Stepper, speed: float, slip: float) -> None:
         """List the event functions of modes that begin at the state of a stepper."""
         layout, modes = self._layout, found.modes
         scale = max(float(np.max(np.abs(found.force), initial=0.0)), _LEAST_FORCE * self._weight)
@@ -53,9 +53,9 @@ class EventFunctions:
             if len(mode.held) and not found.undetermined:
                 watches.append(Watch("margin", j, scale))
             if len(mode.held) < len(layout.friction[j].rows):
-                watches.append(Watch("slip", j, speed))
+                watches.append(Watch("slip", j, slip))
                 if layout.friction[j].facets and not len(mode.held):
-                    watches.append(Watch("turn", j, speed))
+                    watches.append(Watch("turn", j, slip))
         flying = {w.index for w, armed in zip(self.watches, self.armed, strict=True) if w.kind == "gap" and armed}
         self.watches = watches
         if found.undetermined and self.room(stepper) <= CLEAR:

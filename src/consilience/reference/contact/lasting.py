@@ -104,13 +104,40 @@ def decide_lasting(
         decision = decided(problem)
     force = response.given.copy()
     force[rows] += decision.force
-    modes = _extended(equations, decision.modes, normals, sets, sliding)
+    modes = all_modes(equations, decision.modes, normals, sets, sliding)
     for one, mode in zip(equations.layout.friction, modes.friction, strict=True):
         if one.associated and mode is not None and len(mode.held) < len(one.rows):
             raise NumericalFailure(f"{one.name}: {HOPS}")
     names = (equations.layout.names[row] for row in (rows[_apart(decision)] if decision.others else ()))
     found = bool(decision.undetermined.shape[1])
     return LastingContact(modes, force, response.accelerations(force), decision, found, tuple(dict.fromkeys(names)))
+
+
+def decide_opening(
+    equations: ContactEquations,
+    response: Response,
+    touching: Array,
+    sliding: Array,
+    previous: RowModes | None,
+    opened: frozenset[int],
+    started: Mapping[int, Array],
+    sinks: float,
+) -> LastingContact:
+    """Decide modes, as `decide_lasting`; what has just lost its force opens unless it would sink.
+
+    Parameters
+    ----------
+    equations, response, touching, sliding, previous, opened, started : see `decide_lasting`
+    sinks : float, m/s^2
+        Acceleration into a plane that counts as zero.
+    """
+    if opened:
+        left = touching.copy()
+        left[list(opened)] = False
+        found = decide_lasting(equations, response, left, sliding, previous, frozenset(), started)
+        if np.min(found.acceleration[[equations.layout.normals[n] for n in opened]]) > -sinks:
+            return found
+    return decide_lasting(equations, response, touching, sliding, previous, opened, started)
 
 
 def _apart(decision: ModeDecision) -> Array:
@@ -131,7 +158,7 @@ def _restricted(problem: ContactProblem, modes: RowModes, normals: Array, sets: 
     return Modes(closed, tuple(friction))
 
 
-def _extended(equations: ContactEquations, modes: Modes, normals: Array, sets: Array, sliding: Array) -> RowModes:
+def all_modes(equations: ContactEquations, modes: Modes, normals: Array, sets: Array, sliding: Array) -> RowModes:
     """Return modes of the rows of a problem for all rows, with the headings of what slides."""
     layout = equations.layout
     closed = np.zeros(len(layout.normals), dtype=bool)

@@ -58,6 +58,10 @@ class EventsAtOnce:
     def __init__(self) -> None:
         self._time, self._count = -np.inf, 0
 
+    def repeated(self, time: float) -> bool:
+        """Return whether several events have come at an instant."""
+        return self._count > 1 and time == self._time
+
     def add(self, time: float) -> None:
         """Count an event; refuse those that follow one another without end while no time passes.
 

@@ -30,7 +30,7 @@ from consilience.reference.contact.lasting import (
     LastingContact,
     binding_bounds,
     chosen_force,
-    decide_lasting,
+    decide_opening,
     require_unique,
     sliding_rates,
     telling_time,
@@ -41,10 +41,12 @@ from consilience.reference.contact.response import Response, SampledRows
 from consilience.reference.contact.rims import Rims
 from consilience.reference.contact.row_modes import RowModes, open_modes
 from consilience.reference.contact.samples import Samples
+from consilience.reference.contact.search import JammedFriction
 from consilience.reference.contact.self_check import EventsAtOnce, UncheckedSamples, refuse_jam, refuse_overlap
 from consilience.reference.contact.slip_headings import STOPPED, SlipHeadings
+from consilience.reference.contact.small_steps import SmallSteps
 from consilience.reference.contact.speeds import fastest, speed_from_rest
-from consilience.reference.contact.stepper import Stepper
+from consilience.reference.contact.stepper import SlipTurns, Stepper
 from consilience.reference.contact.tables import ends_of_steps
 
 TOUCHING = 1e-10
@@ -58,6 +60,7 @@ _STEPS = 4  # least number of steps of a motion
 _CHAIN = 1000  # impacts at one instant
 _AT_MOST = 100  # samples that are taken together
 _CRAWL = 1e-8
+_RESOLVED = 4e12  # spacings of the time within which what stops by the forces is to be resolved, times `STOPPED`
 
 
 class ContactSimulation:
@@ -87,7 +90,11 @@ class ContactSimulation:
         self.functions = EventFunctions(self.equations, self.length)
         self.rims = Rims(self.layout, self.span, tolerance)
         self.quiet = self.stepper.quiet_steps(self.times, self.length, self.span, self.rims.least)
-        self.at_once = EventsAtOnce()
+        self.at_once, self.small, self.pull = (
+            EventsAtOnce(),
+            SmallSteps(self.equations, self.stepper, self.span, self.length),
+            0.0,
+        )
 
     def integrate(self, metre: float = 1.0) -> TrajectoryAnswer:
         """Integrate step by step; samples are taken within steps. A metre has this many units of length."""
@@ -103,7 +110,7 @@ class ContactSimulation:
                 end = float(ends[np.searchsorted(ends, self.stepper.t, side="right")])
                 self._march(end)
                 if self.stepper.t < end:
-                    self._advance(end)
+                    self._advance_or_turn(end)
                     self._record(self.stepper.t)
         finally:  # a sample that violates a law is told before what fails behind it
             self.unchecked.check()
@@ -138,18 +145,28 @@ class ContactSimulation:
             if self.quiet.now["recorded"][0] > self.recorded:
                 self._keep(*self.quiet.sampled())
 
+    def _advance_or_turn(self, bound: float) -> None:
+        """Take one step, a small one where a slip turns within what others resolve."""
+        try:
+            self._advance(bound)
+        except SlipTurns:
+            slow = self.slips.slow(self.stepper, self.speed)
+            if len(slow) < 2 or self.equations.reacting:
+                raise
+            self._settle(frozenset(), {}, frozenset(slow), together=True)
+
     def _advance(self, bound: float) -> None:
         """Take one step, to its first event if there is one."""
         stepper = self.stepper
         self.equations.carry_tangents(stepper.t, stepper.y, stepper.turns)
-        self.slips.turn(stepper, self.speed)
+        self.slips.turn(stepper, self.speed, self._slip_speed())
         room = self.functions.room(stepper)
         if stepper.drifts or room <= CLEAR:
             stepper.choose(chosen_force(self.equations, stepper.respond(stepper.t, stepper.y), stepper.modes))
             room = self.functions.room(stepper)
         stepper.advance(bound)
         self.rims.keep_clear(stepper)
-        while (back := self.slips.leaves_line(stepper, self.speed)) is not None:
+        while (back := self.slips.leaves_line(stepper, self._slip_speed())) is not None:
             stepper.shorten(back, self._ends_early)
         self.speed = self._speeds()
         if any(heading is not None for heading in stepper.modes.heading):
@@ -179,15 +196,12 @@ class ContactSimulation:
 
     def _ends_early(self) -> bool:
         """Return whether a step that is repeated has to end: slip has come to a halt, or turned from its heading."""
-        return self._halted() is not None or self.slips.turned(self.stepper, self.speed)
-
-    def _halted(self) -> int | None:
-        """Return a friction set that has slipped to a halt by the end of the last step."""
-        return self.slips.halted(self.stepper, self.speed)
+        least = self._slip_speed()
+        return self.slips.halted(self.stepper, least) is not None or self.slips.turned(self.stepper, least)
 
     def _settle_halted(self) -> None:
         """Settle where a slip has come to a halt, if one has."""
-        halted = self._halted()
+        halted = self.slips.halted(self.stepper, self._slip_speed())
         if halted is not None:
             self._record_before()
             self._settle(frozenset(), {}, frozenset([halted]))
@@ -196,7 +210,7 @@ class ContactSimulation:
         """Return whether the slip of a friction set vanishes at t, rather than turns away from its heading."""
         self.equations.move(t, self.stepper.between(np.array([t]))[0], self.stepper.turns)
         slip = self.equations.rows.u[list(self.layout.friction[watch.index].rows)]
-        return len(slip) == 1 or bool(np.linalg.norm(slip) <= STOPPED * watch.scale)
+        return len(slip) == 1 or bool(np.linalg.norm(slip) <= STOPPED * 1.001 * max(watch.scale, self._slip_speed()))
 
     def _end_at(self, t: float, w: int) -> bool:
         """End the last step at the zero of an event function near t, or before it where a slip comes to a halt."""
@@ -206,7 +220,7 @@ class ContactSimulation:
         values, rates = self._values(np.array([behind, t, ahead]))
         rate = float(rates[1, w])
         if not np.isfinite(rate):
-            rate = float((values[2, w] - values[0, w]) / (ahead - behind))
+            rate = float((values[2, w] - values[0, w]) / (ahead - behind)) if ahead > behind else 0.0
         before, least = t, np.inf
         for _ in range(4):
             if not self.stepper.go_back_to(t, self._ends_early):
@@ -217,8 +231,9 @@ class ContactSimulation:
             if rate >= 0.0 or abs(value) <= 1e-16 * self.functions.watches[w].scale:
                 break
             better = t - value / rate
-            if abs(better - t) <= 4e-16 * max(1.0, abs(t)) or not behind <= better <= ahead:
-                break  # found, or where the function turns, without having risen by more than rounding
+            near = abs(better - t) <= 4e-16 * max(1.0, abs(t))
+            if near or not behind <= better <= ahead or better == start:
+                break  # found, or where the function turns or begins, without having risen by more than rounding
             before, least, t = t, abs(value), better
         return True
 
@@ -257,12 +272,13 @@ class ContactSimulation:
         stopped: frozenset[int],
         closing: frozenset[int] = frozenset(),
         first: bool = False,
+        together: bool = False,
     ) -> None:
         """Apply impacts, decide the modes of all that touches, and continue in them.
 
         `opened` and `closing` are normals whose force, or whose gap, has just fallen to zero, `started` the directions
         in which friction sets begin to slide, `stopped` those whose slip has just fallen to zero; `first` tells that
-        the motion begins.
+        the motion begins, `together` that slips stop or turn together.
         """
         before = self.stepper.modes
         hit, response = self._hit(closing)
@@ -276,42 +292,32 @@ class ContactSimulation:
         touching = near & (np.abs(rows.u[self.layout.normal_rows]) <= still)
         if not hit:
             touching |= before.closed
+        still = min(still, STILL * self._slip_speed())
         sliding = sliding_rates(self.equations, None if hit or first else before, still)
         for j in started:  # from rest
             at = list(self.layout.friction[j].rows)
             sliding[at] *= float(np.linalg.norm(rows.u[at])) > still
-        halted, response = self._halt(stopped, sliding, touching) if stopped else ([], response)
-        previous = None if hit or first else before
-        with telling_time(self.stepper.t):
+        if started and not self.equations.reacting:
+            together |= self.slips.starting(self.stepper, self._slip_speed()) or self.at_once.repeated(self.stepper.t)
+        speeds = self._slip_speed(), self._speeds()
+        alone = self.small.halt(stopped, sliding, touching, speeds) if stopped and not together else ([], response)
+        found, previous = None, None if hit or first else before
+        if not together and alone is not None:
+            halted, response = alone
             found = self._decide(response, touching, sliding, previous, opened, started)
-        slides = [heading is not None for heading in found.modes.heading]
-        rests = [not np.any(sliding[list(one.rows)]) for one in self.layout.friction]
-        self.slips.begin(np.flatnonzero(np.logical_and(slides, rests)).tolist(), self.speed)
+        if found is not None:
+            rests = [not np.any(sliding[list(one.rows)]) for one in self.layout.friction]
+            lines = [j for j, heading in enumerate(found.modes.heading) if heading is not None and rests[j]]
+        else:
+            found, lines = self.small.take(touching, speeds[0], float(self.times[-1]))
+            halted = []
+        self.pull = float(np.max(np.abs(response.free), initial=0.0))
+        self.slips.begin(lines, self._slip_speed())
         self.stepper.change_modes(found.modes, halted)
         self.samples.change_modes(self.stepper.t, found.modes, hit, stopped)
-        self.functions.renew(found, self.stepper, self.speed)
+        self.functions.renew(found, self.stepper, self.speed, self._slip_speed())
         self.quiet.watch(self.functions.watches, found.modes)
         self.bounces.note(found)
-
-    def _halt(self, stopped: frozenset[int], sliding: Array, touching: Array) -> tuple[list[int], Response]:
-        """Halt friction sets, in `sliding` too, with those that move no more then; return their rows, and the response.
-
-        What moves as one stops as one: what is nearly at rest, and what is without those. What does not touch has no
-        part in it: a point that is slow while it flies would be held.
-        """
-        stepper, still = self.stepper, STOPPED * self.speed
-        layout, pressed = self.layout, self.equations.pressed
-        apart = {row for row, touches in zip(layout.normals, touching, strict=True) if not touches}
-        apart |= {3 * k for k, carries in zip(layout.springs, pressed, strict=True) if not carries}
-        sets = {j: list(one.rows) for j, one in enumerate(layout.friction) if one.load not in apart}
-        at_rest = {j for j, at in sets.items() if j in stopped or float(np.linalg.norm(sliding[at])) <= still}
-        stepper.halt([row for j in at_rest for row in sets[j]])
-        response = stepper.respond(stepper.t, stepper.y)
-        u = self.equations.rows.u  # without them
-        at_rest |= {j for j, at in sets.items() if float(np.linalg.norm(u[at])) <= STILL * self._speeds()}
-        halted = [row for j in sorted(at_rest) for row in sets[j]]
-        sliding[halted] = 0.0
-        return halted, response
 
     def _decide(
         self,
@@ -321,22 +327,29 @@ class ContactSimulation:
         previous: RowModes | None,
         opened: frozenset[int],
         started: dict[int, Array],
-    ) -> LastingContact:
-        """Decide the modes, as `decide_lasting`; what has just lost its force opens unless it would sink."""
-        if opened:
-            left = touching.copy()
-            left[list(opened)] = False
-            found = decide_lasting(self.equations, response, left, sliding, previous, frozenset(), started)
-            fall = max(float(np.linalg.norm(self.equations.model.gravity)), self.length)
-            rows = [self.layout.normals[n] for n in opened]
-            if np.min(found.acceleration[rows]) > -_SINKS * fall:
-                return require_unique(found, self.stepper.t)
-        found = decide_lasting(self.equations, response, touching, sliding, previous, opened, started)
+    ) -> LastingContact | None:
+        """Decide the modes (`decide_opening`); None where slips under compliance are too small to tell."""
+        fall = _SINKS * max(float(np.linalg.norm(self.equations.model.gravity)), self.length)
+        with telling_time(self.stepper.t):
+            try:
+                found = decide_opening(self.equations, response, touching, sliding, previous, opened, started, fall)
+            except NumericalFailure as failure:
+                small = len(self.layout.springs) and self.slips.several(self.stepper) and not self.equations.reacting
+                if isinstance(failure, JammedFriction) or not small:
+                    raise
+                return None
         return require_unique(found, self.stepper.t)
 
     def _speeds(self) -> float:
         """Return the speed of the fastest body, or that of motion from rest."""
         return max(self.speed, fastest(self.equations, self.stepper.y, self.length))
+
+    def _slip_speed(self) -> float:
+        """Return the speed beside which slips are small: of several contacts that now, if the time resolves them."""
+        if not self.slips.several(self.stepper):
+            return self.speed
+        resolved = _RESOLVED * float(np.spacing(self.stepper.t)) * self.pull
+        return min(self.speed, max(fastest(self.equations, self.stepper.y, self.length), resolved))
 
     # ----------------------------------------------------------------------------------------------------- impacts
 

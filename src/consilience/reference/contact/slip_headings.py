@@ -20,6 +20,7 @@ STOPPED = 1e-9
 """Slip across the heading with which a contact stops, over the same."""
 
 _STIFF = 100.0  # acceleration by friction over that of the slip, from which steps are implicit
+_STABLE = 4.0  # decay of slip across its heading in a step, from which explicit steps are short by that alone
 _FIRST = 0.05  # part of a step that is repeated where a line is left: slip along a curve asks for shorter ones
 _AWAY = 0.5  # cosine of the angle to its slip from which on a heading has to follow; at zero it would point back
 
@@ -50,8 +51,11 @@ class SlipHeadings:
             if h is not None and len(h) == 2 and one.facets == 0
         ]
 
-    def turn(self, stepper: Stepper, speed: float) -> None:
-        """Let headings follow the slips at the end of the last step; those of a line are kept."""
+    def turn(self, stepper: Stepper, most: float, speed: float) -> None:
+        """Let headings follow the slips at the end of the last step; those of a line are kept.
+
+        Slips are small beside `speed`, and may be stiff beside `most`, the speed of the mechanism so far, m/s.
+        """
         heading, slips, held = list(stepper.modes.heading), self._slips(stepper), self._equations.held
         for j, slip in slips:
             size, h = float(np.linalg.norm(slip)), self._equations.heading(j)
@@ -68,7 +72,7 @@ class SlipHeadings:
         if slips:
             stepper.turn(tuple(heading))
         self.leaving.clear()
-        stepper.slow = self._stiff_slip(stepper, speed)
+        stepper.slow = self._stiff_slip(stepper, most)
 
     def turned(self, stepper: Stepper, speed: float) -> bool:
         """Return whether slip has turned away from its heading by the end of the last step."""
@@ -112,10 +116,27 @@ class SlipHeadings:
         response, force = stepper.respond(stepper.t, stepper.y), stepper.forces()
         a = response.accelerations(force)
         rows = {j: list(self._friction[j].rows) for j in slow}
-        every = np.concatenate(list(rows.values()))
-        made = response.K @ (response.K[every].T @ force[every])
-        stiff = [j for j, at in rows.items() if np.linalg.norm(made[at]) > _STIFF * np.linalg.norm(a[at])]
+        made = {j: float(np.linalg.norm(response.K[at] @ (response.K[at].T @ force[at]))) for j, at in rows.items()}
+        least = {j: _STIFF * float(np.linalg.norm(a[at])) for j, at in rows.items()}
+        if self.several(stepper) and stepper.t > stepper.started:  # errors of short steps accelerate what hardly slips
+            least = {j: min(least[j], _STABLE * slow[j] / (stepper.t - stepper.started)) for j in rows}
+        stiff = [j for j in rows if made[j] > least[j]]
         return min((slow[j] for j in stiff), default=0.0)
+
+    def several(self, stepper: Stepper) -> bool:
+        """Return whether several friction sets on discs act."""
+        return (
+            sum(one.is_disc and m is not None for one, m in zip(self._friction, stepper.modes.friction, strict=True))
+            > 1
+        )
+
+    def slow(self, stepper: Stepper, speed: float) -> list[int]:
+        """Return the friction sets whose slip makes the motion stiff, if it is to turn."""
+        return [j for j, slip in self._slips(stepper) if float(np.linalg.norm(slip)) < SLOW * speed]
+
+    def starting(self, stepper: Stepper, speed: float) -> bool:
+        """Return whether something slides more slowly than what stops."""
+        return any(float(np.linalg.norm(slip)) <= STOPPED * speed for _, slip in self._slips(stepper))
 
     def halted(self, stepper: Stepper, speed: float) -> int | None:
         """Return a friction set that has slipped to a halt along a curve."""
@@ -128,7 +149,13 @@ class SlipHeadings:
             return None
         response, force = stepper.respond(stepper.t, stepper.y), stepper.forces()
         a = response.accelerations(force)
-        return next((j for j, slip in slow if float(slip @ a[list(self._friction[j].rows)]) < 0.0), None)
+        every = [row for j in self._equations.acting for row in self._friction[j].rows]
+        h = STOPPED * speed / max(float(np.max(np.abs(one[every]))) for one in (response.free, a))
+        for j, slip in slow:  # of several, what others move lasts though it is slow: it has to stop in a small step
+            slows = -float(slip @ a[list(self._friction[j].rows)])
+            if slows > (float(slip @ slip) / h if self.several(stepper) else 0.0):
+                return j
+        return None
 
 
 def _across(slip: Array, heading: Array) -> float:
