@@ -32,14 +32,11 @@ from consilience.mechanism import (
     Mechanism,
     State,
     characteristic_length,
-    constraint_jacobian,
     continuous_in_time,
-    mass_matrix,
-    null_space,
     quaternion_from_rotation,
 )
 from consilience_exudyn.contact_instant import AT_REST, contact_accelerations
-from consilience_exudyn.contact_rows import TouchRow, contact_row, coordinate_row
+from consilience_exudyn.contact_rows import TouchRow, contact_row, coordinate_row, mobility
 from consilience_exudyn.contact_samples import room_ahead, room_taken, with_contacts
 from consilience_exudyn.contacts import Penalty, add_contact, add_dry_friction, add_limit, limits_of, parts_of
 from consilience_exudyn.free_bodies import KEEP, add_free_bodies
@@ -293,18 +290,12 @@ def _refuse_late_hit(seen: Sequence[_Seen], largest: Array) -> None:
             )
 
 
-def _mobility(mechanism: Mechanism, state: State) -> Array:
-    """Inverse inertia of the bodies' velocities under the constraints, shape (6 n_b, 6 n_b)."""
-    N = null_space(constraint_jacobian(mechanism, state))
-    return np.asarray(N @ np.linalg.solve(N.T @ mass_matrix(mechanism, state) @ N, N.T))
-
-
 def _contacts_at_start(mechanism: Mechanism, state: State) -> list[_Seen]:
     """Return all elementary contacts as they are at the start."""
     rows = [contact_row(mechanism, state, part, number) for number, part in parts_of(mechanism)]
     if not rows:
         return []
-    W, slack = _mobility(mechanism, state), TOUCHING * characteristic_length(mechanism)
+    W, slack = mobility(mechanism, state), TOUCHING * characteristic_length(mechanism)
     normals = np.array([row.normal @ row.J for row in rows])
     A = np.abs(normals @ W @ normals.T).sum(axis=1)
     tangents = [row.J - np.outer(row.normal, row.normal @ row.J) for row in rows]
@@ -367,7 +358,7 @@ def _assemble(mechanism: Mechanism, state: State, at: _Step, penalties: Sequence
 
 def _add_joint_elements(system: Any, mechanism: Mechanism, state: State, at: _Step, coordinates: Coordinates) -> None:
     """Add the stops and the dry friction of a tree."""
-    W = _mobility(mechanism, state)
+    W = mobility(mechanism, state)
 
     def inertia(joint: str, coordinate: str) -> float:
         row, _ = coordinate_row(mechanism, state, joint, coordinate)

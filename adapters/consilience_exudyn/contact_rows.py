@@ -24,7 +24,9 @@ from consilience.mechanism import (
     constraint_gamma,
     constraint_jacobian,
     cross,
+    mass_matrix,
     nearest_points,
+    null_space,
     skew,
 )
 
@@ -102,3 +104,9 @@ def coordinate_row(mechanism: Mechanism, state: State, joint: str, coordinate: s
     bare = without_screws(mechanism, "cylindrical")
     alone = replace(bare, drives=(drive,), couplings=(), rollings=(), skates=(), stops=(), dry_frictions=())
     return constraint_jacobian(alone, state)[-1], float(constraint_gamma(alone, state)[-1])
+
+
+def mobility(mechanism: Mechanism, state: State) -> Array:
+    """Return the inverse inertia of the bodies' velocities under the constraints, shape (6 n_b, 6 n_b)."""
+    N = null_space(constraint_jacobian(mechanism, state))
+    return np.asarray(N @ np.linalg.solve(N.T @ mass_matrix(mechanism, state) @ N, N.T))

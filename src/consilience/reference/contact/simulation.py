@@ -90,11 +90,8 @@ class ContactSimulation:
         self.functions = EventFunctions(self.equations, self.length)
         self.rims = Rims(self.layout, self.span, tolerance)
         self.quiet = self.stepper.quiet_steps(self.times, self.length, self.span, self.rims.least)
-        self.at_once, self.small, self.pull = (
-            EventsAtOnce(),
-            SmallSteps(self.equations, self.stepper, self.span, self.length),
-            0.0,
-        )
+        self.at_once, self.pull = EventsAtOnce(), 0.0
+        self.small = SmallSteps(self.equations, self.stepper, self.span, self.length)
 
     def integrate(self, metre: float = 1.0) -> TrajectoryAnswer:
         """Integrate step by step; samples are taken within steps. A metre has this many units of length."""
