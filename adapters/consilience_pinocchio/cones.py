@@ -144,7 +144,9 @@ def _complementarity(f: Array, u: Array, sets: Sequence[ForceSet]) -> float:
 
 
 class ConeSolver:
-    """The solver for rows in given sets; it keeps the sets of the last call, and the forces as its first guess.
+    """The solver for rows in given sets; it keeps the models of the last call's sets.
+
+    Every call starts without a guess: of forces that are open, those found do not depend on the steps before.
 
     Parameters
     ----------
@@ -214,7 +216,7 @@ class ConeSolver:
         """Return the forces by Pinocchio's solver, in two numbers of iterations and two units."""
         if self._sets != (own := tuple(sets)):
             self._sets, self._kept = own, _models(own)
-        scale = float(np.max(np.abs(y), initial=0.0))
+        scale = float(np.abs(y).max(initial=0.0))
         if scale == 0.0:
             return np.zeros(len(y))
         # beside data far from one, dependent rows can end with no finite residual

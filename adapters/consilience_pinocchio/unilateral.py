@@ -87,7 +87,7 @@ class Start:
             Row of its rate.
         restitution : float
         """
-        u, free = float(along @ self.v), float(along @ self.free)
+        u, free = float(along.dot(self.v)), float(along.dot(self.free))
         if restitution > 0.0 and u < -RESTING * abs(free - u):
             return None if gap + 0.5 * self.h * u > 0.0 else restitution * u / self.h
         reach = REACH * self.h * (abs(u) + abs(free) + self._fastest)
@@ -95,7 +95,9 @@ class Start:
 
     def contact(self, number: int, touch: Touch, nearest: Nearest, needed: float) -> Array:
         """Return the accelerations in the rows of a contact without its forces, shape (3,)."""
-        return np.asarray(nearest.J @ self.free / self.h + np.array([0.0, 0.0, needed]))
+        rates = nearest.J.dot(self.free) / self.h
+        rates[2] += needed
+        return np.asarray(rates)
 
     def joint(self, along: Array) -> float:
         """Return the acceleration of a coordinate without the force of its stop or friction."""
@@ -252,27 +254,26 @@ class Unilateral:
             rows.add(along[None], np.array([start.joint(along)]), Interval(-bound, bound))
 
     def _solved(self, rows: _Rows, start: Start, touched: dict[int, Nearest]) -> Pressed:
-        J, y, held = np.vstack(rows.J), np.concatenate(rows.y), len(rows.J[0])
-        L = np.linalg.cholesky(np.array(pin.crba(self._translation.model, self._translation.data, start.q)))
-        inverse = np.linalg.inv(L)
-        Y = inverse @ J.T
-        G = Y.T @ Y
+        J, y, held = np.concatenate(rows.J), np.concatenate(rows.y), len(rows.J[0])
+        by_mass = J.dot(pin.computeMinverse(self._translation.model, self._translation.data, start.q))
+        G = by_mass.dot(J.T)
         f = self.solver.forces(G, y, rows.sets)
-        a = start.a + inverse.T @ (Y @ f)
+        a = start.a + f.dot(by_mass)
         end = start.v + start.h * a
         count, joints = len(self.touches), held + 3 * len(touched)
         forces, modes = np.zeros((count, 3)), np.zeros(count, dtype=int)
-        for (n, nearest), of in zip(touched.items(), f[held:joints].reshape(-1, 3), strict=True):
-            forces[n], modes[n] = of @ nearest.axes, _mode(of, nearest.J @ end)
-        power, ends = float(f[held:] @ J[held:] @ (0.5 * (start.v + end))), G @ f + y
+        slips = J[held:joints].dot(end).reshape(-1, 3).tolist()
+        for (n, nearest), of, slip in zip(touched.items(), f[held:joints].reshape(-1, 3), slips, strict=True):
+            forces[n], modes[n] = of.dot(nearest.axes), _mode(of[2], slip)
+        power, ends = float(f[held:].dot(J[held:].dot(0.5 * (start.v + end)))), G.dot(f) + y
         dry = len(y) - len(self._dry)
         return Pressed(
-            *(a, f[:held], forces, modes, f[joints:] @ J[joints:], power),
+            *(a, f[:held], forces, modes, f[joints:].dot(J[joints:]), power),
             *(touched, ends[held:joints].reshape(-1, 3), ends[dry:]),
         )
 
 
-def _mode(force: Array, slip: Array) -> int:
-    if force[2] <= 0.0:
+def _mode(pressing: float, slip: list[float]) -> int:
+    if pressing <= 0.0:
         return SEPARATED
-    return SLIDING if hypot(*slip[:2]) > AT_REST else STICKING
+    return SLIDING if hypot(slip[0], slip[1]) > AT_REST else STICKING
