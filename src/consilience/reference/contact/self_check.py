@@ -21,7 +21,7 @@ laws cannot see, energy that vanishes between samples, `energy_balance` tells at
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -35,6 +35,7 @@ from consilience.reference.contact.problem import FrictionSet
 from consilience.reference.contact.quiet_steps import JAMS
 from consilience.reference.contact.response import HELD, SampledRows
 from consilience.reference.contact.row_modes import RowModes
+from consilience.reference.contact.stepper import Stepper
 
 Violations = tuple[Sequence[str], str, Array]
 """Names of k rows, what is wrong there, and by how much at n states, shape (n, k)."""
@@ -286,6 +287,33 @@ def _support(one: FrictionSet, force: Array) -> Array:
         return np.linalg.norm(force, axis=1)
     middles = 0.5 * (vertices + np.roll(vertices, -1, axis=0))
     return np.max(force @ (middles / np.sum(middles**2, axis=1)[:, None]).T, axis=1)
+
+
+def ends_before_jam(equations: ContactEquations, stepper: Stepper, until: float, ends: Callable[[], bool]) -> bool:
+    """End the last step before sliding friction jams, if it does by a time; return whether it did.
+
+    Forces grow without bound towards a jam, and may first reach what ends the modes. Refused is a jam at the start of
+    the step.
+
+    Parameters
+    ----------
+    equations : ContactEquations
+    stepper : Stepper
+    until : float, s
+    ends : callable
+        Whether a repeated step has to end at the present state (`Stepper.shorten`).
+    """
+    first = until
+    while any(heading is not None for heading in stepper.modes.heading):
+        try:
+            refuse_jam(equations, stepper.modes, (until, stepper.between(np.array([until]))[0], stepper.turns))
+            break
+        except NumericalFailure:
+            if until - stepper.started <= 8.0 * float(np.spacing(until)):
+                raise
+        stepper.shorten(0.5 * (stepper.started + until), ends)
+        until = stepper.t
+    return until < first
 
 
 def refuse_jam(equations: ContactEquations, modes: RowModes, at: tuple[float, Array, Array]) -> None:

@@ -42,7 +42,7 @@ from consilience.reference.contact.rims import Rims
 from consilience.reference.contact.row_modes import RowModes, open_modes
 from consilience.reference.contact.samples import Samples
 from consilience.reference.contact.search import JammedFriction
-from consilience.reference.contact.self_check import EventsAtOnce, UncheckedSamples, refuse_jam, refuse_overlap
+from consilience.reference.contact.self_check import EventsAtOnce, UncheckedSamples, ends_before_jam, refuse_overlap
 from consilience.reference.contact.slip_headings import STOPPED, SlipHeadings
 from consilience.reference.contact.small_steps import SmallSteps
 from consilience.reference.contact.speeds import fastest, speed_from_rest
@@ -166,10 +166,12 @@ class ContactSimulation:
         while (back := self.slips.leaves_line(stepper, self._slip_speed())) is not None:
             stepper.shorten(back, self._ends_early)
         self.speed = self._speeds()
-        if any(heading is not None for heading in stepper.modes.heading):
-            refuse_jam(self.equations, stepper.modes, (stepper.t, stepper.y, stepper.turns))
         nodes, armed = nodes_of(stepper.started, stepper.t, self.span), self.functions.armed.copy()
         found = first_zero(self._values, nodes, self.functions.armed, self.functions.watches)
+        if ends_before_jam(self.equations, stepper, stepper.t if found is None else found[0], self._ends_early):
+            self.functions.armed = armed
+            self._settle_halted()
+            return
         if found is None:
             if room > 0.0 and self.functions.room(stepper) <= -(CLEAR**4):
                 stepper.choose_along(chosen_force(self.equations, stepper.respond(stepper.t, stepper.y), stepper.modes))
