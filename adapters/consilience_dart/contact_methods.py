@@ -120,8 +120,8 @@ def unilateral_methods(mechanism: Mechanism, question: Question, loops: bool) ->
         settings |= {f"{name}.{bound}": most for name, bound, most in SOLVERS}
         settings |= {f"{name}.tolerance": FINE for name, _, _ in SOLVERS}
         return (Method(INSTANT, Route.EXTRAPOLATED, settings=settings, contact_law=circle),)
-    law = impact_law(mechanism)
     box = f"box along normal x world z, or along x and y of the world where the normal is z; {_IMPACT}"
+    law = impact_law(mechanism)
     cones = Method(CONES, Route.TUNED, 1, (10, 20, 40), settings=settings, contact_law=circle, law=law)
     extrapolated = replace(
         cones,
@@ -144,4 +144,5 @@ def unilateral_methods(mechanism: Mechanism, question: Question, loops: bool) ->
         contact_law=box if mechanism.contacts else "",
         law=default_law(mechanism),
     )
-    return (cones, defaults) if law is not None else (cones, extrapolated, defaults)  # what bounces has no order
+    bounces = any(contact.restitution > 0.0 for contact in mechanism.contacts)
+    return (cones, defaults) if bounces else (cones, extrapolated, defaults)  # what bounces has no order

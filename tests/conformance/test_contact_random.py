@@ -103,3 +103,10 @@ def test_what_bounces_has_no_order_above_one(engine, name):
     engine, mechanism = load_engine(engine), load_cases(name)[0].mechanism
     if not engine.unsupported(mechanism, Question.TRAJECTORY):
         assert {method.order for method in engine.methods(mechanism, Question.TRAJECTORY)} == {1}
+
+
+@pytest.mark.parametrize("engine", ["dart", "exudyn", "mujoco", "pinocchio"])
+@pytest.mark.parametrize("name", ["ball_slips", "trough_slides", "tripod"])
+def test_what_slides_without_a_rebound_has_an_extrapolated_method(engine, name):
+    engine, mechanism = load_engine(engine), load_cases(name)[0].mechanism
+    assert max(method.order for method in engine.methods(mechanism, Question.TRAJECTORY)) >= 3

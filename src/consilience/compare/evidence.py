@@ -235,10 +235,10 @@ class Evidence:
     def within_phase(self) -> bool:
         """Whether impacts at any phase of a step explain the difference, by levels far from saturation.
 
-        A method that solves a law of which the motion is not the case's does not lead there.
+        A method that solves a law of which the motion is as far from the case's does not lead there.
         """
-        leads_here = self.impacts and self.saturation <= LINEAR and self.law_apart <= self.allowed
-        return leads_here and self.finest <= self.impact_bound + self.allowed
+        leads_closer = self.impacts and self.saturation <= LINEAR and 2.0 * self.law_apart <= self.finest
+        return leads_closer and self.finest <= self.impact_bound + self.allowed
 
     @property
     def by_scatter(self) -> bool:
