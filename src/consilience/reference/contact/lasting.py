@@ -159,7 +159,18 @@ def _restricted(problem: ContactProblem, modes: RowModes, normals: Array, sets: 
 
 
 def all_modes(equations: ContactEquations, modes: Modes, normals: Array, sets: Array, sliding: Array) -> RowModes:
-    """Return modes of the rows of a problem for all rows, with the headings of what slides."""
+    """Return modes of the rows of a problem for all rows, with the headings of what slides.
+
+    Parameters
+    ----------
+    equations : ContactEquations
+    modes : Modes
+        Of the problem.
+    normals, sets : ndarray of int
+        Its normals and friction sets among all.
+    sliding : ndarray, shape (m,)
+        Rates of the rows, exactly zero where nothing slides.
+    """
     layout = equations.layout
     closed = np.zeros(len(layout.normals), dtype=bool)
     closed[normals] = modes.closed
