@@ -5,7 +5,7 @@ Rotations are lists of numbers here: arrays of three and four are several times 
 
 from __future__ import annotations
 
-from math import atan2, cos, hypot, sin
+from math import atan2, cos, hypot, sin, tau
 
 from consilience.mechanism import Array
 from consilience_dart.state import SMALL_ANGLE, rotations
@@ -13,8 +13,6 @@ from consilience_dart.translation import Model
 
 TRUNCATED = 1e-3
 """Rotation in rad below which DART's exponential map is a truncated series."""
-
-_FULL = 6.283185307179586
 
 Numbers = list[float]
 
@@ -70,6 +68,6 @@ def mend_rotations(model: Model, before: Array) -> None:
         phi = _rotation_vector(quat)
         angle = hypot(*phi)
         if 0.0 < angle < SMALL_ANGLE:
-            phi = [(1.0 - _FULL / angle) * p for p in phi]
+            phi = [(1.0 - tau / angle) * p for p in phi]
         new[i : i + 3] = phi
     model.skeleton.setPositions(new)

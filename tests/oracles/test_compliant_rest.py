@@ -6,12 +6,17 @@ import scipy
 from scipy.spatial.transform import Rotation
 
 import consilience as cs
+from consilience.errors import NumericalFailure
+from consilience.reference.contact import small_steps
 
 MASS, MU, STIFFNESS, DAMPING, END = 0.8, 0.3, 2e4, 20.0, 0.2
 CENTRE, INERTIA = np.array([0.011, -0.007, 0.04]), np.array([2e-3, 3e-3, 4e-3])
 TURNS = 2.0 * np.pi * np.arange(3) / 3.0 + 0.3
 FEET = np.stack([np.cos(TURNS), np.sin(TURNS), 0.0 * TURNS], axis=1) * (0.1 + 0.01 * np.arange(3))[:, None]
 VELOCITY, SPIN = np.array([0.3, 0.1, 0.0]), np.array([0.0, 0.0, 3.0])
+
+BLOCK, SPRING, OFFSET = 0.3, 2000.0, 0.02
+"""Mass of a block that is gripped, kg; stiffness, N/m, and the way by which springs of fingers are pressed, m."""
 
 
 def regularised(eps: float) -> tuple[np.ndarray, np.ndarray]:
@@ -62,13 +67,12 @@ def test_a_lumpy_block_that_slides_and_spins_to_rest_on_three_compliant_feet():
     assert np.max(np.abs(motion.w_WB_W[-1])) < 1e-3
 
 
-def test_fingers_that_catch_a_block_hold_it_at_six_compliant_contacts():
-    """Springs press, friction stops the fall, and all that is left is rest, in balance with the weight."""
-    mass, stiffness, offset, bound = 0.3, 2000.0, 0.02, 0.5
+def gripper():
+    """Two fingers that springs press on a block in the air, each by three compliant contacts."""
     drawing = cs.Drawing("gripper", gravity=(0.0, 0.0, -9.81))
-    drawing.body("block", mass=mass, at=(0, 0, 0), com=(0.003, 0.0, 0.002), inertia=(3e-4, 2e-4, 2.5e-4))
+    drawing.body("block", mass=BLOCK, at=(0, 0, 0), com=(0.003, 0.0, 0.002), inertia=(3e-4, 2e-4, 2.5e-4))
     drawing.joint("flight", "free", "ground", "block", at=(0, 0, 0))
-    law = {"radius": 0.005, "friction": bound, "compliance": {"stiffness": 1e5, "damping": 50.0}}
+    law = {"radius": 0.005, "friction": 0.5, "compliance": {"stiffness": 1e5, "damping": 50.0}}
     for side, name in ((-1, "left"), (1, "right")):
         drawing.body(name, mass=0.2, at=(side * 0.05, 0, 0), com=(0, 0, 0), inertia=(1e-4, 1e-4, 1e-4))
         drawing.joint(f"slide_{name}", "prismatic", "ground", name, at=(side * 0.05, 0, 0), axis=(1, 0, 0))
@@ -80,18 +84,29 @@ def test_fingers_that_catch_a_block_hold_it_at_six_compliant_contacts():
             f"spring_{name}",
             joint=f"slide_{name}",
             coordinate="distance",
-            stiffness=stiffness,
+            stiffness=SPRING,
             damping=5.0,
-            rest=-side * offset,
+            rest=-side * OFFSET,
         )
-    motion = cs.simulate(drawing.case(duration=0.3, sample=0.02))
+    return drawing.case(duration=0.3, sample=0.02)
+
+
+def test_fingers_that_catch_a_block_hold_it_at_six_compliant_contacts():
+    """Springs press, friction stops the fall, and all that is left is rest, in balance with the weight."""
+    motion = cs.simulate(gripper())
     assert np.all(motion.contact_mode[1:] == 2)
     assert motion.v_WB_W[-1, :, 1:] == pytest.approx(0.0, abs=1e-12)  # the springs swing on
     assert motion.w_WB_W[-1] == pytest.approx(0.0, abs=1e-12)
     # impulses of the contacts on the fingers, in the last interval: the block's weight, and that of their springs
     impulse = motion.contact_impulse[-1]
-    np.testing.assert_allclose(np.sum(impulse, axis=0)[1:], [0.0, -mass * 9.81 * 0.02], atol=1e-9)
+    np.testing.assert_allclose(np.sum(impulse, axis=0)[1:], [0.0, -BLOCK * 9.81 * 0.02], atol=1e-9)
     for k, side in ((0, -1), (1, 1)):
         moved = motion.p_WB[-1, 1 + k, 0] - side * 0.05
-        pressed = stiffness * (-side * offset - moved)
+        pressed = SPRING * (-side * OFFSET - moved)
         np.testing.assert_allclose(np.sum(impulse[3 * k : 3 * k + 3], axis=0)[0], -0.02 * pressed, rtol=1e-6)
+
+
+def test_slips_that_stop_and_turn_without_end_are_refused_by_name(monkeypatch):
+    monkeypatch.setattr(small_steps, "_MOST", 1)
+    with pytest.raises(NumericalFailure, match=r"contact 'left\d'.*, t = \S+ s: slips stop, start and turn 1 times"):
+        cs.simulate(gripper())

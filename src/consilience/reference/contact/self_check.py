@@ -292,8 +292,7 @@ def _support(one: FrictionSet, force: Array) -> Array:
 def ends_before_jam(equations: ContactEquations, stepper: Stepper, until: float, ends: Callable[[], bool]) -> bool:
     """End the last step before sliding friction jams, if it does by a time; return whether it did.
 
-    Forces grow without bound towards a jam, and may first reach what ends the modes. Refused is a jam at the start of
-    the step.
+    Forces grow without bound towards a jam, and may first reach what ends the modes.
 
     Parameters
     ----------
@@ -302,11 +301,16 @@ def ends_before_jam(equations: ContactEquations, stepper: Stepper, until: float,
     until : float, s
     ends : callable
         Whether a repeated step has to end at the present state (`Stepper.shorten`).
+
+    Raises
+    ------
+    NumericalFailure
+        At a jam at the start of the step.
     """
     first = until
     while any(heading is not None for heading in stepper.modes.heading):
         try:
-            refuse_jam(equations, stepper.modes, (until, stepper.between(np.array([until]))[0], stepper.turns))
+            _refuse_jam(equations, stepper.modes, (until, stepper.between(np.array([until]))[0], stepper.turns))
             break
         except NumericalFailure:
             if until - stepper.started <= 8.0 * float(np.spacing(until)):
@@ -316,7 +320,7 @@ def ends_before_jam(equations: ContactEquations, stepper: Stepper, until: float,
     return until < first
 
 
-def refuse_jam(equations: ContactEquations, modes: RowModes, at: tuple[float, Array, Array]) -> None:
+def _refuse_jam(equations: ContactEquations, modes: RowModes, at: tuple[float, Array, Array]) -> None:
     """Refuse modes in which sliding friction has jammed at a time, packed state and turns.
 
     The scaled determinant without friction is at most one (Hadamard), so the indicator is at least that with friction.

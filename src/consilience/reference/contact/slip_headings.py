@@ -125,10 +125,8 @@ class SlipHeadings:
 
     def several(self, stepper: Stepper) -> bool:
         """Return whether several friction sets on discs act."""
-        return (
-            sum(one.is_disc and m is not None for one, m in zip(self._friction, stepper.modes.friction, strict=True))
-            > 1
-        )
+        modes = zip(self._friction, stepper.modes.friction, strict=True)
+        return sum(one.is_disc and mode is not None for one, mode in modes) > 1
 
     def slow(self, stepper: Stepper, speed: float) -> list[int]:
         """Return the friction sets whose slip makes the motion stiff, if it is to turn."""
