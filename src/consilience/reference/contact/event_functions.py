@@ -6,8 +6,9 @@ import numpy as np
 
 from consilience.mechanism import Array
 from consilience.reference.contact.equations import ContactEquations
-from consilience.reference.contact.events import ARMED, CLEAR, ROUNDING, Watch, friction_margin
+from consilience.reference.contact.events import ARMED, CLEAR, Watch, friction_margin
 from consilience.reference.contact.lasting import LastingContact, chosen_force, sliding_rates, widest_margin
+from consilience.reference.contact.quiet_steps import ROUNDING
 from consilience.reference.contact.response import ObservedRows
 from consilience.reference.contact.row_modes import RowModes
 from consilience.reference.contact.stepper import Stepper

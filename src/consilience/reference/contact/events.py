@@ -32,14 +32,10 @@ import scipy
 
 from consilience.mechanism import Array
 from consilience.reference.contact.problem import FrictionMode, FrictionSet
-from consilience.reference.contact.quiet_steps import INTERVALS, PARTS, SLOPES
+from consilience.reference.contact.quiet_steps import INTERVALS, PARTS, ROUNDING, SLOPES
 
 ARMED = 1e-9
 """Value, over its scale, from which an event function counts."""
-
-ROUNDING = 1e-5
-"""Value below zero, over that of `ARMED`, from which a function that rises counts."""
-
 
 _NEAR = 1e-12
 """Distance from a zero at which its search ends, over the step: steps that end there refine it."""

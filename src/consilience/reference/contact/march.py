@@ -8,7 +8,7 @@ import numpy as np
 
 from consilience.mechanism import Array
 from consilience.reference.contact.equations import ContactEquations
-from consilience.reference.contact.events import CLEAR, Watch
+from consilience.reference.contact.events import ARMED, CLEAR, Watch
 from consilience.reference.contact.pairs import DISC
 from consilience.reference.contact.quiet_steps import (
     GAP,
@@ -74,12 +74,13 @@ class QuietSteps:
 
     def watch(self, watches: list[Watch], modes: RowModes) -> None:
         """Look at the event functions of modes that begin."""
-        listed = [one for watch in watches for one in self._parts(watch, modes)]
+        parts = [self._parts(watch, modes) for watch in watches]
+        listed, self._of = sum(parts, []), np.repeat(np.arange(len(parts)), [len(one) for one in parts])
         now, known = self.now[0], all(watch.kind in _KINDS for watch, _ in listed)
         self.able = known and not self._equations.reacting
         now["watched"], now["loaded"] = len(listed), 0
         for record, (watch, least) in zip(self._watched, listed if self.able else (), strict=False):
-            record["kind"], record["least"] = _KINDS[watch.kind], least
+            record["kind"], record["least"], record["ready"] = _KINDS[watch.kind], least, ARMED * watch.scale
             record["disc"], record["row"], record["load"] = -1, -1, -1
             self._take(record, watch, modes)
 
@@ -107,6 +108,16 @@ class QuietSteps:
                 record["heading"][: len(heading)] = heading
                 record["disc"] = equations.acting.index(k) if law.is_disc else -1
                 self.now["loaded"] |= law.load is not None
+
+    def arm(self, armed: Array) -> None:
+        """Take over which event functions count, shape (n_w,)."""
+        self._watched["armed"][: len(self._of)] = armed[self._of]
+
+    def armed(self) -> Array:
+        """Return which event functions count now, shape (n_w,): a group as each of its bounds."""
+        found = np.zeros(self._of[-1] + 1 if len(self._of) else 0, dtype=bool)
+        found[self._of] = self._watched["armed"][: len(self._of)]
+        return found
 
     def march(self, t: float, Y: Array, turns: Array, recorded: int) -> float:
         """Take steps from a state with impulses and loss; overwrite it and the turns, and return the time.

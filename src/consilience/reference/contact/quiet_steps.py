@@ -1,9 +1,9 @@
 """Steps in which nothing happens, compiled: from step to step, until one in which an event may be.
 
 `simulation` takes a step, and looks for what happens in it. These kernels take the same steps as long as nothing does:
-all event functions are positive at the nodes of the step and have no low point between them, undetermined forces keep
-clear of their bounds, slips are fast, those along a line keep to it, no friction jams, and no disc comes flat. The
-first step that is not like that is taken back, for `simulation`.
+all event functions that count are positive at the nodes of the step, with no low point between them, undetermined
+forces keep clear of their bounds, slips are fast, those along a line keep to it, no friction jams, and no disc comes
+flat. The first step that is not like that is taken back, for `simulation`.
 """
 
 from __future__ import annotations
@@ -34,6 +34,9 @@ SLOPES = np.divide(
 )
 """Slopes of the polynomial of degree four through five equidistant values, at each of them, times the distance."""
 
+ROUNDING = 1e-5
+"""Value below zero, over that from which a function counts, from which one that rises counts."""
+
 SHORTEST = 1e-14
 """Shortest step, over the time or a second."""
 
@@ -59,6 +62,9 @@ WATCHED = record_type(
     ("static", float),
     ("offset", float),  # constant part of the bound
     ("least", float),  # value above which nothing happens
+    ("ready", float),  # value from which it counts
+    ("armed", INT),  # whether it counts
+    ("arms", INT),  # behind the step that is looked at
     ("disc", INT),  # index into the sets of the active modes of a disc that slides; else -1
     ("heading", float, 2),
 )
@@ -186,7 +192,9 @@ def _slope(one: Any, seen: Array, p: int, parts: int, gaps: int, rows: int) -> f
 
 @inner
 def _stays_positive(one: Any, seen: Array, parts: int, step: float, gaps: int, rows: int) -> bool:
-    """Return whether an event function is positive at all nodes, with no low point between them, as in `events`.
+    """Return whether an event function that counts is positive at all nodes, with no low point between them.
+
+    One that does not count yet is to stay near zero until it does, as in `events`.
 
     Parameters
     ----------
@@ -199,16 +207,24 @@ def _stays_positive(one: Any, seen: Array, parts: int, step: float, gaps: int, r
     gaps, rows : int
         Numbers of gaps, and of rates.
     """
-    width, last, before = gaps + 2 * rows, np.inf, 0.0
+    width, last, before, noise = gaps + 2 * rows, np.inf, 0.0, ROUNDING * one.ready
+    one.arms = one.armed
+    if not one.armed and one.least > 0.0:
+        return False
     for p in range(parts + 1):
         here = seen[p * width : (p + 1) * width]
         value = _value(one, here, gaps, rows)
-        if not value > one.least:
-            return False
         rate = step * here[gaps + one.row[1]] if one.kind == GAP else _slope(one, seen, p, parts, gaps, rows)
-        if before < 0.0 < rate and last * rate - value * before + before * rate <= 0.0:  # tangents meet
+        if one.arms:
+            if not value > one.least:
+                return False
+            if before < 0.0 < rate and last * rate - value * before + before * rate <= 0.0:  # tangents meet
+                return False
+            last, before = value, rate
+        elif value < -one.ready:
             return False
-        last, before = value, rate
+        elif value > one.ready or (one.kind == GAP and p < parts and value >= -noise and rate > noise):
+            one.arms, last, before = 1, value, rate
     return True
 
 
@@ -323,6 +339,8 @@ def _take(arrays: MarchArrays, t: float, reached: float, start: Array, end: Arra
             now.speed = max(now.speed, abs(end[13 * b + 7 + i]), now.length * abs(end[13 * b + 10 + i]))
     ask(motion.mechanism, CARRY, reached, end, arrays.force)
     assign(start, end)
+    for w in range(now.watched):
+        arrays.watched[w].armed = arrays.watched[w].arms
     now.h, now.fresh = now.next, 0
     motion.run[0].steps += 1
 

@@ -136,9 +136,10 @@ class ContactSimulation:
 
     def _march(self, bound: float) -> None:
         """Take the steps in which nothing happens."""
-        open_ = self.stepper.drifts or self.slips.leaving
-        if self.quiet.able and np.all(self.functions.armed) and not open_:
+        if self.quiet.able and not (self.stepper.drifts or self.slips.leaving):
+            self.quiet.arm(self.functions.armed)
             self.speed = self.stepper.march(self.quiet, bound, self.speed, self.recorded)
+            self.functions.armed = self.quiet.armed()
             if self.quiet.now["recorded"][0] > self.recorded:
                 self._keep(*self.quiet.sampled())
 
