@@ -117,7 +117,7 @@ def _model(of: ForceSet, unit: float) -> Any:
     return contact
 
 
-def _models(sets: Sequence[ForceSet], unit: float = 1.0) -> tuple[Any, Any]:
+def _models(sets: Sequence[ForceSet], unit: float) -> tuple[Any, Any]:
     """Return the constraint models of sets, of forces in a unit, and their data."""
     models, data = pin.StdVec_ConstraintModel(), pin.StdVec_ConstraintData()
     for one in sets:
@@ -163,7 +163,7 @@ class ConeSolver:
 
     def __init__(self, associated: bool = False) -> None:
         self.enough = ENOUGH
-        self._sets: tuple[ForceSet, ...] | None = None
+        self._sets: tuple[float | ForceSet, ...] | None = None
         self._settings = pin.ADMMSolverSettings()
         self._settings.admm_update_rule = pin.ADMMUpdateRule.SPECTRAL
         self._settings.solve_ncp = not associated
@@ -213,22 +213,26 @@ class ConeSolver:
         return np.concatenate([-by_held @ y[:held] - across @ f, f])
 
     def _solved(self, G: Array, y: Array, sets: Sequence[ForceSet]) -> Array:
-        """Return the forces by Pinocchio's solver, in two numbers of iterations and two units."""
-        if self._sets != (own := tuple(sets)):
-            self._sets, self._kept = own, _models(own)
-        scale = float(np.abs(y).max(initial=0.0))
+        """Return the forces by Pinocchio's solver, in two numbers of iterations and two units of acceleration."""
+        scale, moved = float(np.abs(y).max(initial=0.0)), float(np.max(G.diagonal(), initial=0.0))
         if scale == 0.0:
             return np.zeros(len(y))
+        if moved == 0.0:
+            raise ArithmeticError(f"contacts close by {scale:.1e} m/s^2 against joints that hold all of them")
+        # the solver adds an absolute 1e-6 to the diagonal: forces in units of mass, powers of two that rounding spares
+        mass = 2.0 ** -float(np.rint(np.log2(moved)))
+        if self._sets != (own := (mass, *sets)):
+            self._sets, self._kept = own, _models(sets, mass)
         # beside data far from one, dependent rows can end with no finite residual
         for most, unit in ((FEW_ITERATIONS, 1.0), (MOST_ITERATIONS, 1.0), (MOST_ITERATIONS, scale)):
             self._settings.max_iterations = most
             result = pin.ADMMSolverResult()
-            models, data = self._kept if unit == 1.0 else _models(sets, unit)
+            models, data = self._kept if unit == 1.0 else _models(sets, mass * unit)
             # the operator keeps the solver's penalty on its diagonal: a new one for each call
-            operator, solver = pin.DelassusOperatorDense(G), pin.ADMMConstraintSolver()
+            operator, solver = pin.DelassusOperatorDense(mass * G), pin.ADMMConstraintSolver()
             met = solver.solve(operator, y / unit, models, data, self._settings, result)
             self.iterations += int(result.iterations)
-            f = unit * np.array(result.retrieveConstraintImpulses())
+            f = mass * unit * np.array(result.retrieveConstraintImpulses())
             across = unit * result.complementarity
             if unit == scale and not (np.isfinite(across) or any(isinstance(one, Anchor) for one in sets)):
                 # infinite for a force without bound whose acceleration is negative, if only by rounding; in units of

@@ -36,6 +36,9 @@ REACH = 2.0
 CLOSED = 1e-9
 """Gap in m or rad up to which a contact or a stop is closed, whatever its rates; at an instant its rate, too."""
 
+HELD = 1e-13
+"""Row of a gap, over those of its contact, up to which joints hold the gap whatever forces act: it has none."""
+
 AT_REST = 1e-9
 """Slip, or rate of a coordinate, in m/s or rad/s up to which it is at rest."""
 
@@ -231,12 +234,15 @@ class Unilateral:
             needed = start.needed(nearest.gap, nearest.J[2], law.restitution)
             if needed is None:
                 continue
+            y = start.contact(n, touch, nearest, needed)
+            if hypot(*nearest.J[2]) <= HELD * np.linalg.norm(nearest.J) and abs(y[2]) * start.h**2 <= CLOSED:
+                continue
             touched[n] = nearest
             mu, own = law.friction, law.static_friction is not None and n not in self.broken
             if own and hypot(*(nearest.J[:2] @ start.v)) <= AT_REST:
                 mu = float(law.static_friction or 0.0)
                 held.add(n)
-            rows.add(nearest.J, start.contact(n, touch, nearest, needed), Circle(mu))
+            rows.add(nearest.J, y, Circle(mu))
         self.held = frozenset(held)
         return touched
 
