@@ -212,26 +212,6 @@ def test_a_reversed_joint_has_its_stops_at_the_right_ends():
     assert angles(mechanism, found)[-1] == pytest.approx(-1.0, abs=1e-9)
 
 
-def test_instants_slide_and_roll():
-    push, r = (3.0, 1.0, 0.0), 0.11
-    mechanism = ball(r, loads=[push], friction=0.5)
-    for state, expected, force in (
-        (LAB.state((0, 0, r), (3, 0, 0), (0, 0, 4)), [1.5 - 0.5 * G, 0.5, 0.0], 2 * G * np.array([-0.5, 0, 1])),
-        (LAB.state((0, 0, r), (1, 0.5, 0), (-0.5 / r, 1 / r, 4)), [15 / 14, 5 / 14, 0], [-6 / 7, -2 / 7, 2 * G]),
-    ):
-        at = instant(mechanism, state)
-        np.testing.assert_allclose(LAB.acceleration(at, state)[0], expected, atol=1e-6)
-        np.testing.assert_allclose(LAB.axes.T @ at.contact_force[0, 0], force, atol=2e-6)
-
-
-def test_an_instant_of_a_box_that_slides_on_corners_which_share_its_load():
-    """It slows down by mu g and does not turn; the loads of the corners still change in the second step."""
-    along = np.array([np.cos(0.5), np.sin(0.5), 0.0])
-    mechanism, state = box(LAB, friction=0.4), LAB.state((0, 0, 0.1), 2.0 * along)
-    a, alpha = LAB.acceleration(instant(mechanism, state), state)
-    np.testing.assert_allclose([*a, *alpha], [*(-0.4 * G * along), 0.0, 0.0, 0.0], atol=1e-7)
-
-
 def test_an_instant_of_a_wheel_whose_slip_changes_fast():
     """Friction turns the rim of `braked_wheel` by 100 m/s^2 and more: a step must not change the slip by much."""
     case = load_case("braked_wheel")
@@ -350,23 +330,6 @@ def test_where_forces_are_open_the_solvers_of_friction_must_agree(monkeypatch):
     assert contact_instant._settled(None, None, None, shared=False, unsure=False).a[0] == 0.0
     with pytest.raises(ArithmeticError, match="leave the accelerations open"):
         contact_instant._settled(None, None, None, shared=False, unsure=True)
-
-
-def test_a_box_at_rest_on_a_steep_slope_tips_about_its_edge():
-    mechanism = box(LAB, incline(25.0), (0.1, 0.1, 0.3), moments=(0.4 / 6, 0.4 / 6, 0.08 / 6), friction=0.6)
-    state = LAB.state((0, 0, 0.3), (0, 0, 0))
-    at = instant(mechanism, state)
-    np.testing.assert_allclose(LAB.acceleration(at, state)[1], [0, 2.66008203914944, 0], atol=1e-5)
-    np.testing.assert_allclose(LAB.axes.T @ at.contact_force[0, 0], [-6.69572107, 0.0, 18.31377519], atol=1e-5)
-
-
-def test_the_force_is_on_the_body_also_where_the_body_is_the_ground():
-    r = 0.2
-    plane = (LAB.in_body([0, 0, -0.3]), -LAB.principal[:, 2])
-    pad = SpherePlane("pad", GROUND, LAB.origin, r, "body", *plane, friction=0.4)
-    mechanism = LAB.free_body(2.0, (0.1, 0.2, 0.15), LEVEL, [pad])
-    at = instant(mechanism, LAB.state((0, 0, r + 0.3), (0, 0, 0)))
-    np.testing.assert_allclose(LAB.axes.T @ at.contact_force[0, 0], [0, 0, -2.0 * G], atol=1e-5)
 
 
 def test_each_contact_of_a_body_has_its_own_law_and_touches_its_partner_alone():
