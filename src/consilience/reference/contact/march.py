@@ -74,12 +74,12 @@ class QuietSteps:
 
     def watch(self, watches: list[Watch], modes: RowModes) -> None:
         """Look at the event functions of modes that begin."""
-        parts = [self._parts(watch, modes) for watch in watches]
-        listed, self._of = sum(parts, []), np.repeat(np.arange(len(parts)), [len(one) for one in parts])
-        now, known = self.now[0], all(watch.kind in _KINDS for watch, _ in listed)
+        listed = [(w, *one) for w, watch in enumerate(watches) for one in self._parts(watch, modes)]
+        now, known = self.now[0], all(watch.kind in _KINDS for _, watch, _ in listed)
+        self._of = np.array([w for w, *_ in listed], dtype=int)
         self.able = known and not self._equations.reacting
         now["watched"], now["loaded"] = len(listed), 0
-        for record, (watch, least) in zip(self._watched, listed if self.able else (), strict=False):
+        for record, (_, watch, least) in zip(self._watched, listed if self.able else (), strict=False):
             record["kind"], record["least"], record["ready"] = _KINDS[watch.kind], least, ARMED * watch.scale
             record["disc"], record["row"], record["load"] = -1, -1, -1
             self._take(record, watch, modes)
@@ -110,14 +110,9 @@ class QuietSteps:
                 self.now["loaded"] |= law.load is not None
 
     def arm(self, armed: Array) -> None:
-        """Take over which event functions count, shape (n_w,)."""
+        """Take over which event functions count, shape (n_w,): `march` overwrites it."""
+        self._armed = armed
         self._watched["armed"][: len(self._of)] = armed[self._of]
-
-    def armed(self) -> Array:
-        """Return which event functions count now, shape (n_w,): a group as each of its bounds."""
-        found = np.zeros(self._of[-1] + 1 if len(self._of) else 0, dtype=bool)
-        found[self._of] = self._watched["armed"][: len(self._of)]
-        return found
 
     def march(self, t: float, Y: Array, turns: Array, recorded: int) -> float:
         """Take steps from a state with impulses and loss; overwrite it and the turns, and return the time.
@@ -125,7 +120,9 @@ class QuietSteps:
         Samples are those from the number `recorded` on.
         """
         self.now["first"] = self.now["recorded"] = recorded
-        return self._march(0, t, Y, turns)
+        reached = self._march(0, t, Y, turns)
+        self._armed[self._of] = self._watched["armed"][: len(self._of)]  # a group as each of its bounds
+        return reached
 
     def sampled(self) -> tuple[SampledRows, Array]:
         """Return the samples of the last march, and what is summed over time (`Stepper.sample`)."""

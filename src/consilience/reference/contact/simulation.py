@@ -139,7 +139,6 @@ class ContactSimulation:
         if self.quiet.able and not (self.stepper.drifts or self.slips.leaving):
             self.quiet.arm(self.functions.armed)
             self.speed = self.stepper.march(self.quiet, bound, self.speed, self.recorded)
-            self.functions.armed = self.quiet.armed()
             if self.quiet.now["recorded"][0] > self.recorded:
                 self._keep(*self.quiet.sampled())
 
