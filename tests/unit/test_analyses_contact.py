@@ -9,7 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from consilience.case import Case
 from consilience.compare.instants import Instants
+from consilience.engine import Question
 from consilience.errors import InvalidInput
 from consilience.mechanism import (
     GROUND,
@@ -24,17 +26,23 @@ from consilience.mechanism import (
     Stop,
     initial_state,
 )
+from consilience.reference import ForwardDynamics
 from consilience.reference.analyses import (
+    count_freedom,
     driven_dynamics,
     inverse_dynamics,
+    inverse_kinematics,
     kinematic_motion,
     linearise,
     linearise_steady_motion,
     static_equilibrium,
     trajectory_sensitivity,
 )
+from consilience.report.anatomy import anatomy
+from consilience.report.record import lines
+from consilience.suite import Results
 
-X, ZERO = np.array([1.0, 0.0, 0.0]), np.zeros(3)
+X, Z, ZERO = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0]), np.zeros(3)
 ALONG_X = Frame(ZERO, np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]))
 
 
@@ -69,6 +77,7 @@ def test_analyses_refuse_by_name_what_acts_and_is_none_of_their_forces(name):
         lambda: inverse_dynamics(mechanism, wall, still),
         lambda: driven_dynamics(held, motion),
         lambda: trajectory_sensitivity(mechanism, lambda m: at(m, 0.0), times, ["body.slider.mass"]),
+        lambda: ForwardDynamics(mechanism),
     ):
         with pytest.raises(InvalidInput, match=name):
             analysis()
@@ -106,3 +115,39 @@ def test_turns_of_a_driven_joint_tell_whether_its_stop_is_reached():
             continue
         with pytest.raises(InvalidInput, match=r"stop 'end'.*is 6\.9"):
             driven_dynamics(arm, motion)
+
+
+def test_parameters_of_a_mechanism_with_a_wall_are_refused():
+    free = replace(slider(1.0), joint_springs=())
+    walled = replace(free, **ACTING["contact 'wall'"])
+    with pytest.raises(InvalidInput, match="contact 'wall'"):
+        ForwardDynamics(free).parameters([free, walled])
+
+
+@pytest.mark.parametrize("name", list(ACTING)[:2])
+def test_no_pose_is_found_through_a_wall_or_beyond_a_stop(name):
+    """The wall and the stop let the slider go by 0.2 m, and touch there."""
+    mechanism = slider(1.0, **ACTING[name])
+    start = at(mechanism, 0.0)
+    reached = inverse_kinematics(mechanism, "slider", ZERO, 0.2 * X, start)
+    assert reached.p_WB[0] == pytest.approx([0.2, 0.0, 0.0], abs=1e-12)
+    with pytest.raises(InvalidInput, match=rf"{name}: .* by 0\.1 .*in the pose that meets the target"):
+        inverse_kinematics(mechanism, "slider", ZERO, 0.3 * X, start)
+
+
+def test_a_reaction_that_a_support_shares_is_undetermined():
+    """A beam that is clamped at one end and lies on a floor at the other, 1 m away: the floor's force N is open.
+
+    With it are the clamp's force along z and its torque about y, by moments about the clamp.
+    """
+    beam = Body("beam", 1.0, 0.5 * X, 0.1 * np.eye(3), Frame(ZERO, np.eye(3)))
+    clamp = Joint("clamp", "rigid", GROUND, "beam", Frame(ZERO, np.eye(3)), Frame(ZERO, np.eye(3)))
+    for height, undetermined in ((0.0, {"clamp": ("force z", "torque y")}), (-0.01, {})):
+        floor = SpherePlane("floor", "beam", X, 0.1, GROUND, (height - 0.1) * Z, Z)
+        mechanism = Mechanism("beam", -9.81 * Z, (beam,), (clamp,), contacts=(floor,))
+        state = initial_state(mechanism)
+        assert count_freedom(mechanism, state).undetermined == tuple(undetermined)
+        assert anatomy(mechanism, state).undetermined == undetermined
+        found = lines(Results([Case.of(mechanism, duration=1.0, sample=0.1)], [Question.INSTANT]), 0.0)
+        (case,) = [line for line in found if line["record"] == "case"]
+        assert case["undetermined"] == {joint: [0, 0, 20, 0, 20, 0] for joint in undetermined}

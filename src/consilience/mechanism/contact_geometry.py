@@ -16,6 +16,7 @@ A disc with its axis a along n touches with its whole rim; the point is then one
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -188,27 +189,32 @@ def refuse_flat_discs(mechanism: Mechanism, state: State) -> None:
                 raise InvalidInput(f"contact '{part.name}'", what, "Tilt it, or state points of its rim as contacts.")
 
 
-def refuse_overlap(mechanism: Mechanism, state: State) -> None:
-    """Refuse a state in which rigid shapes overlap, or a joint is beyond a stop.
-
-    Raises
-    ------
-    InvalidInput
-    """
+def overlaps(mechanism: Mechanism, state: State) -> Iterator[tuple[str, str]]:
+    """Yield the name of each rigid contact that overlaps and of each stop that a joint is beyond, and by how much."""
     slack = TOUCHING * characteristic_length(mechanism)
     for contact in mechanism.contacts:
         gap = contact_gap(mechanism, state, contact)
         if gap < -slack and contact.compliance is None:
-            what = f"{contact.body} and {contact.partner} overlap by {-gap:.3g} m at the start"
-            raise InvalidInput(f"contact '{contact.name}'", what, "Start with a gap of zero or more.")
+            yield f"contact '{contact.name}'", f"{contact.body} and {contact.partner} overlap by {-gap:.3g} m"
     for stop in mechanism.stops:
         q, _ = joint_spring_motion(mechanism, state, stop.joint, stop.coordinate)
         room = slack if stop.coordinate == "distance" else TOUCHING
         for limit, beyond in ((stop.lower, -1.0), (stop.upper, 1.0)):
             if limit is not None and beyond * (q - limit) > room:
-                past = f"beyond the limit {limit:.6g} by {abs(q - limit):.3g} at the start"
-                what = f"{stop.coordinate} {q:.6g} of '{stop.joint}' is {past}"
-                raise InvalidInput(f"stop '{stop.name}'", what, "Start between the limits.")
+                past = f"beyond the limit {limit:.6g} by {abs(q - limit):.3g}"
+                yield f"stop '{stop.name}'", f"{stop.coordinate} {q:.6g} of '{stop.joint}' is {past}"
+
+
+def refuse_overlap(mechanism: Mechanism, state: State) -> None:
+    """Refuse a start in which rigid shapes overlap, or a joint is beyond a stop.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    for name, what in overlaps(mechanism, state):
+        remedy = "Start between the limits." if name.startswith("stop") else "Start with a gap of zero or more."
+        raise InvalidInput(name, f"{what} at the start", remedy)
 
 
 def strikes(mechanism: Mechanism, state: State) -> bool:

@@ -35,6 +35,7 @@ from consilience.reference.bodies.canonical import canonical_motion, sample_time
 from consilience.reference.bodies.consistency import check_given, check_motion, check_solvable, check_states
 from consilience.reference.bodies.forces import count_turns
 from consilience.reference.bodies.residual import SOLVABLE, checked_rows, solvable_rows
+from consilience.reference.bodies.smooth_equations import refuse_contacts
 from consilience.reference.formulations import registry
 from consilience.reference.integrators.step_control import STATUS
 from consilience.reference.steppers.driver import counts_of
@@ -99,7 +100,7 @@ def simulate(
     in_range("tolerance", tolerance, 0.0, np.inf, "Give a number, for example 1e-12.", True)
     if not (forces is None or callable(forces)):
         raise InvalidInput("forces", f"{forces!r} is no function", "Give a function of the time and the state.")
-    registry.refuse_contacts(mechanism)
+    refuse_contacts(mechanism)
     refuse_steep_friction(mechanism)
     if integrator == "gauss":
         _refuse_rough_dampers(mechanism)
@@ -322,7 +323,7 @@ def accelerations_at(
     """Compute accelerations as `accelerations`, at states that are known to be consistent."""
     from consilience.reference.states.instants import instants  # noqa: PLC0415 - motions need none of its kernels
 
-    registry.refuse_contacts(mechanism)
+    refuse_contacts(mechanism)
     if formulation != "descriptor" or not len(states):
         return _accelerations(mechanism, states, formulation, t)
     found, sound = instants(mechanism, list(states), float(t))

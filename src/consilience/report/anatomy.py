@@ -27,7 +27,7 @@ from consilience.mechanism import (
     characteristic_length,
     closing_rows,
     constraint_residual,
-    determinate_reactions,
+    determinate_forces,
     free_directions,
     frictions_too_steep,
     joint_frames,
@@ -85,7 +85,7 @@ def anatomy(mechanism: Mechanism, state: State) -> Anatomy:
     rank = int(np.sum(singular > RANK_TOLERANCE * singular[0])) if q else 0
     taking_part = np.linalg.norm(U[:, rank:], axis=1) > 1e-6
     dependent = grouped(compress(row_names(mechanism), taking_part))
-    determined = determinate_reactions(mechanism, state)
+    determined = determinate_forces(mechanism, state).reactions
     undetermined = {
         joint.name: tuple(c for c, sure in zip(COMPONENTS, known, strict=True) if not sure)
         for joint, known in zip(mechanism.joints, determined, strict=True)

@@ -27,7 +27,7 @@ from consilience.case.bounded_reading import bounded_text
 from consilience.compare import exit_code as exit_code_of
 from consilience.engine import Profile, Question, Run
 from consilience.errors import InvalidInput
-from consilience.mechanism import determinate_reactions
+from consilience.mechanism import determinate_forces
 from consilience.report.annotations import Lines, annotated, cell_lines, failure_of
 from consilience.report.recordschema import FORMAT, READABLE, checked, contradictions
 from consilience.report.replay import replays
@@ -173,7 +173,7 @@ def _undetermined(case: Case) -> dict[str, list[int]]:
         states = case.states
     except InvalidInput:  # the comparisons of the case say why
         return {}
-    determined = [determinate_reactions(case.mechanism, state) for state in states]
+    determined = [determinate_forces(case.mechanism, state).reactions for state in states]
     counts = np.sum(~np.array(determined), axis=0)
     return {j.name: [int(n) for n in c] for j, c in zip(case.mechanism.joints, counts, strict=True) if np.any(c)}
 

@@ -12,7 +12,7 @@ from consilience.mechanism import (
     Joint,
     Mechanism,
     State,
-    determinate_reactions,
+    determinate_forces,
     free_directions,
     joint_frames,
     null_space,
@@ -69,7 +69,7 @@ def count_freedom(mechanism: Mechanism, state: State) -> Freedom:
     """
     width, rows = 6 * len(mechanism.bodies), mechanism.constraint_count()
     freedom = free_directions(mechanism, state).shape[1]
-    determined = determinate_reactions(mechanism, state)
+    determined = determinate_forces(mechanism, state).reactions
     return Freedom(
         kutzbach=width - rows,
         planar=_planar_count(mechanism, state),

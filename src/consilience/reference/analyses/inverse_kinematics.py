@@ -34,6 +34,7 @@ from consilience.mechanism import (
 )
 from consilience.reference.analyses.joint_rows import turn_between
 from consilience.reference.analyses.statics import at_rest
+from consilience.reference.analyses.touching import refuse_passing
 
 _ACCURATE = 1e-12
 """Task error, rad and lengths of the mechanism, at the level of rounding."""
@@ -114,7 +115,7 @@ def inverse_kinematics(
     Raises
     ------
     InvalidInput
-        Unknown body, arrays of wrong shape.
+        Unknown body, arrays of wrong shape, or a pose in which rigid shapes overlap or a joint is beyond a stop.
     Unreachable
         With the remaining distance and angle of the closest pose found.
     CannotAssemble
@@ -136,7 +137,9 @@ def inverse_kinematics(
         found = _meet(task, first)
         best = found if found.error < best.error or attempt == 0 else best
         if best.error <= tolerance:
-            return at_rest(_closest(task, best, start, tolerance))
+            pose = at_rest(_closest(task, best, start, tolerance))
+            refuse_passing(mechanism, pose)
+            return pose
     raise Unreachable(_remaining(task, best))
 
 

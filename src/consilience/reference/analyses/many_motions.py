@@ -23,7 +23,7 @@ from consilience.mechanism import Array, Initial, Mechanism, State, drawing_stat
 from consilience.mechanism.start import Start, checked_start
 from consilience.reference.analyses.parameters import change_of
 from consilience.reference.bodies.canonical import sample_times
-from consilience.reference.formulations.registry import refuse_contacts
+from consilience.reference.bodies.smooth_equations import refuse_contacts
 from consilience.reference.solver import refuse_steep_friction, simulate
 from consilience.reference.states.assembly import CompiledAssembly
 from consilience.reference.tree.parameter_sets import OtherStructure, ParameterSets

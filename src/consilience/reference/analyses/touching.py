@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from consilience.errors import InvalidInput
-from consilience.mechanism import Mechanism, State, acting
+from consilience.mechanism import Mechanism, State, acting, overlaps
 
 
 def refuse_touching(mechanism: Mechanism, state: State, values: Mapping[str, Mapping[str, Any]] | None = None) -> None:
@@ -24,3 +24,15 @@ def refuse_touching(mechanism: Mechanism, state: State, values: Mapping[str, Map
     for name, what in acting(mechanism, state, values):
         remedy = "Give a state that nothing touches, or simulate_with_contacts, which has these forces."
         raise InvalidInput(name, f"{what}, and the equations of this analysis have no force of it", remedy)
+
+
+def refuse_passing(mechanism: Mechanism, state: State) -> None:
+    """Refuse a pose that was found where rigid shapes overlap, or a joint is beyond a stop.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    for name, what in overlaps(mechanism, state):
+        remedy = "Give another guess, which chooses the branch, or leave it out of the mechanism."
+        raise InvalidInput(name, f"{what} in the pose that meets the target", remedy)

@@ -25,8 +25,8 @@ from consilience.reference.bodies.arrays import ANGLE, Model, P, flatten, pack, 
 from consilience.reference.bodies.canonical import sample_times
 from consilience.reference.bodies.forces import count_turns
 from consilience.reference.bodies.projection import project
+from consilience.reference.bodies.smooth_equations import refuse_contacts
 from consilience.reference.formulations import compiled_choice
-from consilience.reference.formulations.registry import refuse_contacts
 
 _STEP = 1e-3
 """Step of the differences, in scales: truncation is its fourth power, rounding is divided by it."""

@@ -13,6 +13,7 @@ from typing import Any
 from consilience.engine import TrajectoryAnswer, Unsupported
 from consilience.errors import InvalidInput
 from consilience.mechanism import Mechanism
+from consilience.reference.bodies.smooth_equations import first_contact, refuse_contacts
 from consilience.reference.formulations.protocol import Formulation
 
 
@@ -132,9 +133,6 @@ Accelerations at an instant are those of index 1, from the hidden constraints ``
 """
 
 
-_SMOOTH = "a formulation has smooth equations of motion, without contact, stops and friction that sticks"
-
-
 def entry(name: str) -> FormulationEntry:
     """Return the entry of a formulation; of one of `SYSTEMS` that of its index-1 form.
 
@@ -164,27 +162,7 @@ def system(name: str) -> Callable[..., TrajectoryAnswer]:
 def unsupported(name: str, mechanism: Mechanism) -> tuple[Unsupported, ...]:
     """List the features of a mechanism that a formulation cannot represent, with reasons."""
     found: tuple[Unsupported, ...] = entry(name).module.unsupported(mechanism)
-    return found + _contacts(mechanism)
-
-
-def _contacts(mechanism: Mechanism) -> tuple[Unsupported, ...]:
-    if not (mechanism.contacts or mechanism.stops or mechanism.dry_frictions):
-        return ()
-    names = [f"contact '{c.name}'" for c in mechanism.contacts] + [f"stop '{s.name}'" for s in mechanism.stops]
-    names += [f"dry friction '{d.name}'" for d in mechanism.dry_frictions]
-    return tuple(Unsupported(name, _SMOOTH) for name in names[:1])
-
-
-def refuse_contacts(mechanism: Mechanism) -> None:
-    """Refuse a mechanism with contacts, stops or dry friction: a formulation has smooth equations of motion.
-
-    Raises
-    ------
-    InvalidInput
-    """
-    for refusal in _contacts(mechanism):
-        what = "Use simulate_with_contacts or contact_instant of consilience.reference.contact."
-        raise InvalidInput(refusal.feature, refusal.reason, what)
+    return found + first_contact(mechanism)
 
 
 def formulation(name: str, mechanism: Mechanism) -> Formulation:

@@ -16,6 +16,7 @@ from consilience.errors import InvalidInput, NumericalFailure
 from consilience.mechanism import Array, Mechanism, State
 from consilience.reference.bodies.arrays import unpack
 from consilience.reference.bodies.canonical import at_origins
+from consilience.reference.bodies.smooth_equations import refuse_contacts
 from consilience.reference.kernel.compiled import kernel, threaded
 from consilience.reference.kernel.mechanism_record import record_of
 from consilience.reference.tree.arrays import (
@@ -133,9 +134,15 @@ class ForwardDynamics:
         Names of the joints of the tree.
     n_q, n_v : int
         Numbers of coordinates and of speeds.
+
+    Raises
+    ------
+    InvalidInput
+        A mechanism with contacts, stops or dry friction, whose forces the equations do not have.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
+        refuse_contacts(mechanism)
         self.mechanism = mechanism
         self._links, self._tree, self._model = flatten_relative(mechanism)
         self.joints = tuple(mechanism.joints[k].name for k in self._tree.joint)
@@ -269,7 +276,7 @@ class ForwardDynamics:
         Raises
         ------
         InvalidInput
-            If this mechanism is not a tree without elements, or one of the others has another tree.
+            If this mechanism is not a tree without elements, or one of the others has another tree, or contacts.
         """
         if not self._is_tree:
             raise InvalidInput(
@@ -278,6 +285,7 @@ class ForwardDynamics:
         return np.array([self._constants(other) for other in mechanisms])
 
     def _constants(self, other: Mechanism) -> Array:
+        refuse_contacts(other)
         links, tree, _ = flatten_relative(other)
         same = links.bare_tree and all(
             np.array_equal(a, b)
