@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from consilience import Drawing
+from consilience import Drawing, sine
 from consilience.case import load_case
 from consilience.errors import CannotAssemble, InvalidInput
 from consilience.mechanism import (
@@ -257,6 +257,15 @@ def test_contradictory_rates_are_refused_and_the_joint_is_named():
     asked = Initial(rates={"j0": {"angle": 1.0}, "j3": {"angle": 100.0}})
     with pytest.raises(CannotAssemble, match=r"joint 'j\d', .*the held rates contradict the joints"):
         initial_state(mechanism, asked)
+
+
+def test_a_rate_beside_a_drive_is_refused_with_what_the_drive_makes_it():
+    drawing = Drawing("belt", gravity=(0.0, 0.0, -9.81))
+    drawing.body("belt", mass=5.0, at=(0.1, 0.2, 0.3), com=(0.01, 0.02, 0.03), inertia=(1.0, 2.0, 2.5))
+    drawing.joint("track", "prismatic", "ground", "belt", at=(0.0, 0.0, 0.0), axis=(1.0, 2.0, 2.0))
+    drawing.add("drive", "motor", joint="track", coordinate="distance", motion=sine(0.1, 12.0))
+    with pytest.raises(CannotAssemble, match="joint 'track', .* is to be -3, but .*drives.* make it 1.2:"):
+        _ = drawing.case(rates={"track": {"distance": -3.0}}, duration=1.0).initial_state
 
 
 def test_rates_that_agree_with_the_loop_may_be_held_twice():

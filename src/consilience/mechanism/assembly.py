@@ -375,14 +375,21 @@ def assemble_velocities(
         asked = np.arange(len(error)) >= mechanism.constraint_count()
         # name a rate that was asked for, rather than the constraint that opposes it
         worst = int(np.argmax(np.where(asked & (np.abs(error) > allowed), np.inf, np.abs(error))))
-        why, remedy = "the held rates contradict the joints", "Hold no more rates than the mechanism has freedoms."
+        why, remedy = "the held rates contradict the joints", "Hold it at that rate, or leave it out."
         if is_singular(mechanism, state, t, jacobian):
             why = "it is at a singular pose (a dead centre, or one where it locks), and no motion has these rates"
             remedy = "Start beside that pose, or hold rates with which the mechanism can leave it."
         raise CannotAssemble(
             f"mechanism '{mechanism.name}': {row_names(mechanism, held, velocities=True)[worst]}",
-            f"its rate stays wrong by {abs(error[worst] * rows[worst]):.3g}: {why}",
+            f"its rate is to be {nu[worst] * rows[worst]:.6g}, "
+            f"but joints, drives and other held rates make it {_rate_by_others(Q, nu, worst) * rows[worst]:.6g}: {why}",
             remedy,
         )
     both = (v * columns).reshape(-1, 6)
     return State(state.p_WB, state.quat_WB, both[:, :3], both[:, 3:])
+
+
+def _rate_by_others(Q: Array, nu: Array, row: int) -> float:
+    """Return the rate that the other rows give one row."""
+    others = np.arange(len(nu)) != row
+    return float(Q[row] @ np.linalg.lstsq(Q[others], nu[others], rcond=RANK_TOLERANCE)[0])
