@@ -394,6 +394,6 @@ class ContactSimulation:
             if after is not None:
                 self.samples.add(stepper.t + after, "bounces end", int(self.layout.site[self.layout.normals[n]]))
         last = strikes & (-rate < _CRAWL * self.speed)
-        last[list(ends)] = True
+        last[[n for n in ends if strikes[n]]] = True  # what rests has its share of expansion, though its bounces ended
         found[last | np.all(last[strikes])] = 0.0
         return found
