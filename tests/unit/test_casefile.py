@@ -621,7 +621,8 @@ def test_rates_that_contradict_the_joints(write):
     text = changed("\n[initial]", STRUT.replace("[1.0, 3.0, 0.0]", "[2.5, 2.5, 0.0]") + "\n[initial]")
     (case,) = load_file(write(text.replace("joints = { hinge = { angle = 0.3 } }\n", "")))
     with pytest.raises(
-        CannotAssemble, match=r"mechanism 'door': joint 'hinge', .* its rate is to be .*, but .* make it 0: .* contradict"
+        CannotAssemble,
+        match=r"mechanism 'door': joint 'hinge', .* its rate is to be .*, but .* make it 0: .* contradict",
     ):
         _ = case.initial_state
 
