@@ -6,11 +6,11 @@ from typing import Any
 
 from consilience.engine import Method, Route
 from consilience.mechanism import Mechanism
-from consilience_exudyn.contact_motion import BOUNCE, CREEPING, DAMPING, LINEAR, OVERDAMPED, RATE, RESOLVED, RIGID
+from consilience_exudyn.contact_numbers import BOUNCE, CREEPING, DAMPING, LINEAR, OVERDAMPED, RATE, RESOLVED, RIGID
 from consilience_exudyn.kinematic_tree import HELD, is_one_axis_tree
 from consilience_exudyn.library import CONTACT_SETTINGS
 
-STEPS, BOUNCING_STEPS, EXTRAPOLATED_STEPS = (50, 100, 200), (500, 1000, 2000), (10, 20, 40)
+STEPS, BOUNCING_STEPS, EXTRAPOLATED_STEPS = (50, 100, 200), (500, 1000, 2000), (20, 40, 80)
 HALVINGS = 4
 """Number of motions of an extrapolated one, each with half the step of the one before; its order."""
 
@@ -60,6 +60,6 @@ def _settings(mechanism: Mechanism, hits: str, closed: str, damped: str) -> dict
         found["impactModel"] = "2 with restitution"
     if mechanism.contacts or mechanism.dry_frictions:
         found["frictionProportionalZone"] = (
-            "h times the largest friction over the inertia, of all that two bodies keep closed"
+            "h times the largest sum of frictions over the inertia, of all that two bodies keep closed"
         )
     return found

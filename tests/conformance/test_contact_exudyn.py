@@ -26,7 +26,7 @@ from contact_problems import BALL, FEET, LEVEL, G, Lab, ball, close, incline, pe
 
 pytest.importorskip("exudyn")
 
-from consilience_exudyn import ExudynEngine, contact_motion
+from consilience_exudyn import ExudynEngine, contact_numbers
 from consilience_exudyn.contact_samples import refuse_fall
 from consilience_exudyn.contacts import Penalty
 from consilience_exudyn.mutants import CONTACT_MUTANTS
@@ -75,7 +75,7 @@ def test_friction_holds_a_box_on_a_slope_whatever_its_corners_share(mu, holds):
 def test_a_motion_that_starts_to_slide_has_the_normal_force_of_its_start(mu):
     """``m g cos 20 deg``, whether the ball rolls (mu at least 2/7 tan 20 deg = 0.104) or slides."""
     ball = LAB.free_body(2.0, BALL, incline(20), [LAB.sphere(0.1, friction=mu)])
-    (seen,) = contact_motion._contacts_at_start(ball, LAB.state([0, 0, 0.1], [0, 0, 0]))
+    (seen,) = contact_numbers.contacts_at_start(ball, LAB.state([0, 0, 0.1], [0, 0, 0]))
     assert seen.normal == pytest.approx(2.0 * G * np.cos(np.radians(20.0)), rel=1e-9)
 
 

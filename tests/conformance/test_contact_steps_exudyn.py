@@ -1,5 +1,7 @@
 """Steps of Exudyn's motions with contacts: what the numbers of contacts make of errors as the step vanishes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -37,6 +39,29 @@ def test_rounding_does_not_turn_the_forces_of_points():
     p, _, _ = LAB.centre(contact_motion(mechanism, start, times, 1e-5))
     s = 0.5 + 0.125 * G * (np.sin(angle) - mu * np.cos(angle))
     assert np.linalg.norm(p - [s, 0.0, -FEET[0][2]]) < 4e-9
+
+
+def test_a_block_slides_as_far_from_any_place_of_its_plane():
+    """Rounding turns the forces of points by another part at each place; the limit of steps multiplies what is left."""
+    case = load_case("block_incline-down")
+    start, along = case.initial_state, case.initial_state.v_WB_W[0] / np.linalg.norm(case.initial_state.v_WB_W[0])
+    ways = []
+    for shift in (0.0, 1.2345678e-3, 2.4691356e-3):
+        shifted = replace(start, p_WB=start.p_WB + shift * along)
+        (motion,) = halved_motions(case.mechanism, shifted, case.times, 7.8125e-5, 1)
+        ways.append((motion.p_WB[-1, 0] - shifted.p_WB[0]) @ along)
+    assert np.ptp(ways) < 2e-8
+
+
+def test_corners_without_load_widen_no_zone():
+    """What sticks on an incline creeps by the zone, ``tan(angle)/mu`` of it in a second: by that of its feet alone."""
+    feet, times = np.concatenate([FEET, FEET * [1.0, 1.0, -1.0]]), np.linspace(0.0, 0.2, 3)
+    start, ways = LAB.state((0.0, 0.0, -FEET[0][2]), (0.0, 0.0, 0.0)), []
+    for points in (FEET, feet):
+        mechanism = LAB.free_body(2.0, (0.02, 0.02, 0.04), incline(20.0), LAB.points(points, friction=0.5))
+        p, _, _ = LAB.centre(contact_motion(mechanism, start, times, 2e-4))
+        ways.append(p[0])
+    assert ways[1] == pytest.approx(ways[0], rel=0.01)
 
 
 def test_a_stop_without_rebound_catches_within_steps():
