@@ -38,7 +38,7 @@ from consilience.mechanism import (
     constraint_residual,
     drawing_state,
 )
-from consilience.reference.engine import ReferenceEngine
+from consilience.reference.engine import TIME_STEPPING, ReferenceEngine
 from consilience.suite import run_suite
 from mechanisms import chain
 from pace import slowness
@@ -545,6 +545,32 @@ def test_halved_friction_is_found_and_shrunk_to_one_contact(contact_campaign):
         assert len(case.mechanism.bodies) <= 2
         assert len(case.mechanism.contacts) == 1
         assert f"--seed {f.seed} --mechanisms 1 --contacts -e" in (folder / f.file).read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+def test_halved_friction_shows_in_motions_too(contact_campaign):
+    """Among them of mechanisms whose instants agree, where nothing slides yet."""
+    found, findings, folder = contact_campaign
+    moved = [e for j in found.judged for e in j.entries if e.question is Question.TRAJECTORY]
+    assert {e.verdict for e in moved if e.engine in ("honest", "reference")} <= {Verdict.AGREES, Verdict.UNRESOLVED}
+    assert sum(e.verdict is Verdict.AGREES for e in moved if e.method == TIME_STEPPING.name) >= 4
+    own = [f for f in findings if f.entry.engine == "halved_friction" and f.entry.question is Question.TRAJECTORY]
+    assert own
+    for f in own:
+        assert f.shown.signature == f.entry.signature
+        assert f.bodies <= f.met
+        assert f.command == f"consilience run {f.file} -e halved_friction -q trajectory"
+        assert load_file(folder / f.file)[0].times[-1] == pytest.approx(0.2)
+    data = outcome(found, findings)
+    row = next(m for m in data["methods"] if (m["engine"], m["question"]) == ("halved_friction", "trajectory"))
+    assert row["differs"] == len({s for f in own for s in f.seeds})
+    assert "## Motions\n" in markdown(data)
+
+
+def test_another_law_of_contact_that_a_method_declares_is_no_alarm(case, honest):
+    (differs,) = alarms(entries_of(case, honest, off(honest[INSTANT])))
+    assert not alarms([replace(differs, question=Question.TRAJECTORY, quantity="impact law")])
+    assert alarms([replace(differs, question=Question.TRAJECTORY, quantity="impacts elsewhere")])
 
 
 def test_a_reference_that_finds_the_laws_open_is_unresolved_and_judges_nobody(case, honest):

@@ -55,6 +55,9 @@ which is right for smooth ones."""
 _CONTACTS = "descriptor, contacts"
 """Method for mechanisms with contacts, stops or dry friction; for motions with the tolerances of `relative`."""
 
+TIME_STEPPING = Method("time stepping at velocity level", Route.REFERENCE, order=1)
+"""Second formulation of motions with contacts, of audits alone: its errors are far above those of `_CONTACTS`."""
+
 _LADDER = (1e-9, 1e-10, 1e-11)
 """Tolerances of a formulation that is named."""
 
@@ -154,13 +157,19 @@ class ReferenceEngine:
             Consistent state at ``times[0]``.
         times : ndarray, shape (n_t,), s
         method : Method
-            One of `methods`; contacts are regularised as its law has it.
+            One of `methods`, or `TIME_STEPPING`; contacts are regularised as its law has it.
         step : float
             Tolerance, or for a formulation with constant steps the step, s.
         """
         if self._own is None and _touches(mechanism):
             from consilience.reference.contact import simulate_regularised, simulate_with_contacts  # noqa: PLC0415 - slow to import
 
+            if method.name == TIME_STEPPING.name:
+                from consilience.reference.contact.time_stepping import step_with_contacts  # noqa: PLC0415 - as above
+
+                count = round(float(times[1] - times[0]) / step)
+                stepped = step_with_contacts(mechanism, state, np.asarray(times), count)
+                return TrajectoryAnswer(times, stepped.p_WB, stepped.quat_WB, stepped.v_WB_W, stepped.w_WB_W)
             if method.law is not None and method.law.regularisation is not None:
                 return simulate_regularised(mechanism, method.law.regularisation, state, np.asarray(times), step)
             return simulate_with_contacts(mechanism, state, np.asarray(times), step)[0]

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import multiprocessing
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import TimeoutError
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -26,7 +26,7 @@ from consilience.engine import TrajectoryAnswer
 from consilience.errors import NumericalFailure
 from consilience.mechanism import Array, Mechanism, State, assemble_velocities, contact_parts
 from consilience.reference.contact import simulate_with_contacts
-from consilience.reference.contact.time_stepping import step_with_contacts
+from consilience.reference.contact.time_stepping import SteppedMotion, step_with_contacts
 
 TIMES = np.linspace(0.0, 0.4, 9)
 LEVELS, FINER = (8, 16, 32, 64), (128, 256, 512)
@@ -54,8 +54,17 @@ FAULTS = {
 REASONS = OPEN | FAULTS
 """Why there is no comparison."""
 
-_TOLD = {"several accelerations": "indeterminate", "(Painleve)": "painleve", "do not settle": "unsettled"}
+_TOLD = {
+    "several accelerations": "indeterminate",
+    "(Painleve)": "painleve",
+    "do not settle": "unsettled",
+    "no answer within": "timed out",
+}
 """Words of failures, and the reasons that they tell."""
+
+
+Solve = Callable[[State, int], TrajectoryAnswer | SteppedMotion]
+"""Function of a state and a number of steps that solves a motion, see `compare_motions`."""
 
 
 @dataclass(frozen=True)
@@ -94,25 +103,52 @@ class ContactComparison:
 def compare(seed: int) -> ContactComparison:
     """Compare both formulations on the random mechanism of a seed."""
     mechanism, start = random_contacts(seed)
+
+    def solve(state: State, steps: int) -> TrajectoryAnswer | SteppedMotion:
+        if steps:
+            return step_with_contacts(mechanism, state, TIMES, steps)
+        return simulate_with_contacts(mechanism, state, TIMES, TOLERANCE, "moreau")[0]
+
+    return compare_motions(seed, mechanism, start, solve)
+
+
+def compare_motions(seed: int, mechanism: Mechanism, start: State, solve: Solve) -> ContactComparison:
+    """Compare both formulations on the motion of a mechanism from a state.
+
+    Parameters
+    ----------
+    seed : int
+        Of the mechanism, to be told.
+    mechanism : Mechanism
+    start : State
+    solve : callable
+        Solves the motion from a state: from event to event, with Moreau's impacts, or by a number of steps between two
+        samples where the number is not zero. Raises a NumericalFailure where there is no motion.
+    """
     found = _of_size(seed, mechanism)
     try:
-        motion, events = simulate_with_contacts(mechanism, start, TIMES, TOLERANCE, "moreau")
-        levels = [step_with_contacts(mechanism, start, TIMES, steps).p_WB for steps in LEVELS]
+        motion = solve(start, 0)
+        levels = [solve(start, steps).p_WB for steps in LEVELS]
         for steps in FINER:
             off, band = _sizes(motion.p_WB - levels[-1]), SAFETY * band_of(levels) + FLOOR
             if band[-1] >= WIDE or np.any(off > band):
-                levels = [*levels[1:], step_with_contacts(mechanism, start, TIMES, steps).p_WB]
+                levels = [*levels[1:], solve(start, steps).p_WB]
     except NumericalFailure as failure:
-        reason = next((name for words, name in _TOLD.items() if words in str(failure)), "failed")
-        return replace(found, reason=reason, message=str(failure))
+        return replace(found, reason=reason_of(str(failure)), message=str(failure))
     off, band = _sizes(motion.p_WB - levels[-1]), SAFETY * band_of(levels) + FLOOR
     worst = int(np.argmax(off / band))
-    found = replace(found, events=len(events), difference=float(off[worst]), band=float(band[worst]))
+    events = len(motion.event_time) if isinstance(motion, TrajectoryAnswer) and motion.event_time is not None else 0
+    found = replace(found, events=events, difference=float(off[worst]), band=float(band[worst]))
     if found.agrees and band[-1] < WIDE:
         return found
-    if _is_sensitive(mechanism, start, motion):
+    if _is_sensitive(mechanism, start, motion.p_WB, solve):
         return replace(found, reason="grazing")
     return replace(found, reason="wide band") if band[-1] >= WIDE else found
+
+
+def reason_of(message: str) -> str:
+    """Return which of `REASONS` the message of a failure tells."""
+    return next((name for words, name in _TOLD.items() if words in message), "failed")
 
 
 def _of_size(seed: int, mechanism: Mechanism) -> ContactComparison:
@@ -132,7 +168,7 @@ def band_of(levels: list[Array]) -> Array:
     return np.maximum.accumulate(np.max(finer, axis=0))
 
 
-def _is_sensitive(mechanism: Mechanism, start: State, motion: TrajectoryAnswer) -> bool:
+def _is_sensitive(mechanism: Mechanism, start: State, positions: Array, solve: Solve) -> bool:
     """Return whether a nearby start has no motion, or one that parts."""
     rng = np.random.default_rng(0)
     shape = start.v_WB_W.shape
@@ -142,10 +178,10 @@ def _is_sensitive(mechanism: Mechanism, start: State, motion: TrajectoryAnswer) 
         w_WB_W=start.w_WB_W + DISPLACED * rng.normal(size=shape),
     )
     try:
-        other, _ = simulate_with_contacts(mechanism, assemble_velocities(mechanism, near), TIMES, TOLERANCE, "moreau")
+        other = solve(assemble_velocities(mechanism, near), 0)
     except NumericalFailure:
         return True
-    return bool(np.max(np.abs(other.p_WB - motion.p_WB)) > SENSITIVE * DISPLACED)
+    return bool(np.max(np.abs(other.p_WB - positions)) > SENSITIVE * DISPLACED)
 
 
 def campaign(seeds: Sequence[int], limit: float = 120.0) -> Iterator[ContactComparison]:

@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from consilience.audit.fuzz.judging import JudgedComparison, judge
-from consilience.audit.fuzz.population import Specimen, specimen
+from consilience.audit.fuzz.motions import judge_motions
+from consilience.audit.fuzz.population import CONTACTS, Specimen, specimen
 from consilience.audit.fuzz.workers import AnswerBatch, EngineStream
 from consilience.case import Case
 from consilience.compare.judge import REFERENCE
@@ -145,7 +146,7 @@ def run_campaign(
     if REFERENCE in panel.missing:
         raise ConsilienceError(f"engine '{REFERENCE}' does not start: {panel.missing[REFERENCE]}")
     campaign = FuzzCampaign(panel.infos, panel.missing)
-    campaign.spent.engines = dict.fromkeys(panel.members, 0.0)
+    before = {name: member.spent for name, member in panel.members.items()}
     start = time.perf_counter()
     under_way: deque[tuple[list[Specimen], PendingReplies]] = deque()
 
@@ -161,6 +162,7 @@ def run_campaign(
     while under_way:
         judge_first()
     campaign.spent.elapsed = time.perf_counter() - start
+    campaign.spent.engines = {name: member.spent - before[name] for name, member in panel.members.items()}
     return campaign
 
 
@@ -183,10 +185,11 @@ def _judge_block(panel: EnginePanel, campaign: FuzzCampaign, block: list[Specime
     """Wait for the answers about a block of mechanisms, and judge them."""
     answers = panel.collect(len(block), pending)
     start = time.process_time()
-    for drawn, batches in zip(block, answers, strict=True):
-        campaign.judged.append(JudgedMechanism(drawn, judge(drawn.case, batches)))
-        for name, batch in batches.items():
-            campaign.spent.engines[name] += batch.cpu
+    entries = [judge(drawn.case, batches) for drawn, batches in zip(block, answers, strict=True)]
+    if any(drawn.sort == CONTACTS for drawn in block):
+        motions = judge_motions([drawn.case for drawn in block], panel.members)
+        entries = [first + then for first, then in zip(entries, motions, strict=True)]
+    campaign.judged += map(JudgedMechanism, block, entries)
     campaign.spent.judging += time.process_time() - start
 
 

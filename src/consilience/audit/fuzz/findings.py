@@ -12,7 +12,8 @@ import numpy as np
 
 from consilience.audit.fuzz.campaign import EnginePanel, FuzzCampaign, JudgedMechanism
 from consilience.audit.fuzz.judging import JudgedComparison, alarms, judge
-from consilience.audit.fuzz.population import read_text, replay
+from consilience.audit.fuzz.motions import judge_motions
+from consilience.audit.fuzz.population import CONTACTS, read_text, replay
 from consilience.audit.fuzz.reductions import without_rest
 from consilience.audit.fuzz.shrink import Shrinker
 from consilience.audit.fuzz.workers import AnswerBatch
@@ -20,8 +21,9 @@ from consilience.case.file.writer import table_text
 from consilience.compare import Verdict, grouped
 from consilience.compare import exit_code as exit_code_of
 from consilience.compare.judge import REFERENCE
-from consilience.engine import InstantAnswer
+from consilience.engine import InstantAnswer, Question
 from consilience.errors import ConsilienceError
+from consilience.reference.engine import TIME_STEPPING
 
 NEGLIGIBLE = 1e-6
 """Accelerations and loads in SI units that count as zero: far above rounding in bodies of some kg and m."""
@@ -57,6 +59,13 @@ class ShrunkDisagreement:
     met: int
     shown: JudgedComparison
     tried: int
+
+    @property
+    def command(self) -> str:
+        """Command that asks about the smallest case again; a fuzz where two formulations of a motion differ."""
+        if self.entry.method == TIME_STEPPING.name:
+            return f"{replay(self.seed, CONTACTS)} -e {REFERENCE}"
+        return f"consilience run {self.file} -e {self.entry.engine} -q {self.entry.question}"
 
 
 def shrink_disagreements(
@@ -118,7 +127,7 @@ def _shrunk(
     seen: dict[str, JudgedComparison] = {}
 
     def shows(text: str) -> bool:
-        same = [e for e in asked_again(panel, text, entry.engine) if e.signature == entry.signature]
+        same = [e for e in asked_again(panel, text, entry) if e.signature == entry.signature]
         if same:
             seen[text] = same[0]
         return bool(same)
@@ -131,14 +140,15 @@ def _shrunk(
     table = without_rest(tomllib.loads(text))
     table |= {"title": f"Smallest case found of: {shown.engine}, {shown.question}, {shown.verdict}"}
     again = replay(seed, judged.specimen.sort)
+    found = ShrunkDisagreement(entry, seeds, seed, name, len(table["body"]), met, shown, shrinker.tried)
     heading = (
         f"{shown.engine}, {shown.method or 'any method'}, against {shown.against}: {shown.why}\n\n"
-        f"    consilience run {name} -e {shown.engine} -q {shown.question}\n\n"
+        f"    {found.command}\n\n"
         f"Shrunk from a random mechanism of {met} bodies:\n\n    {again} -e {shown.engine}\n"
     )
     folder.mkdir(parents=True, exist_ok=True)
     (folder / name).write_text(table_text(table, heading), encoding="utf-8")
-    return ShrunkDisagreement(entry, seeds, seed, name, len(table["body"]), met, shown, shrinker.tried)
+    return found
 
 
 def _file_name(seed: int, entry: JudgedComparison) -> str:
@@ -148,17 +158,20 @@ def _file_name(seed: int, entry: JudgedComparison) -> str:
     return f"fuzz_{seed}_{'_'.join(words)}.toml"
 
 
-def asked_again(panel: EnginePanel, text: str, engine: str) -> list[JudgedComparison]:
-    """Compare the answers of one engine about the case of a text; nothing if the case is not sound or is at rest."""
+def asked_again(panel: EnginePanel, text: str, met: JudgedComparison) -> list[JudgedComparison]:
+    """Compare an engine again, on the case of a text; nothing if the case is not sound or is at rest."""
     try:
         case = read_text(text, "shrunk")
         _ = case.states
     except ConsilienceError:
         return []
-    (batches,) = panel.collect(1, panel.submit([case], list(dict.fromkeys((REFERENCE, engine)))))
-    if not _is_loaded(batches[REFERENCE]):
-        return []
-    return [entry for entry in judge(case, batches) if entry.engine == engine]
+    engines = list(dict.fromkeys((REFERENCE, met.engine)))
+    if met.question is Question.TRAJECTORY:
+        (found,) = judge_motions([case], {name: panel.members[name] for name in engines})
+    else:
+        (batches,) = panel.collect(1, panel.submit([case], engines))
+        found = judge(case, batches) if _is_loaded(batches[REFERENCE]) else []
+    return [entry for entry in found if entry.engine == met.engine]
 
 
 def _is_loaded(reference: AnswerBatch) -> bool:

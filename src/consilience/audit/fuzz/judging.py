@@ -24,10 +24,14 @@ from consilience.compare import Comparison, Verdict, compare_instant, compare_mo
 from consilience.compare.instants import BARS, Bars, Instants
 from consilience.compare.judge import REFERENCE
 from consilience.compare.other_methods import SOLVER_RULE, reconsidered
+from consilience.compare.rules import OTHER_LAWS
 from consilience.engine import InstantAnswer, Method, ModelAnswer, Profile, Question, Unsupported, defects
 from consilience.engine.worker.requests import MethodAnswer
 from consilience.errors import NumericalFailure
 from consilience.mechanism import characteristic_length
+
+_DECLARED = {rule for rule, _, _ in OTHER_LAWS}
+"""Rules of motions that are those of a law of contact which the method declares, and the reference solved as well."""
 
 _MOST_OUTPUT = 300
 """Characters of an engine's output that are kept with a failure."""
@@ -46,7 +50,7 @@ class JudgedComparison:
     profile : Profile
     verdict : Verdict
     quantity : str
-        First quantity that misses its bar; of a failure its kind.
+        First quantity that misses its bar; of a motion the rule of the verdict; of a failure its kind.
     why : str
     digits : float or None
     excess : float
@@ -66,9 +70,12 @@ class JudgedComparison:
 
     @property
     def alarm(self) -> bool:
-        """Whether the comparison is a disagreement; default settings claim no accuracy against the reference."""
+        """Whether the comparison is a disagreement.
+
+        Default settings claim no accuracy against the reference, and a law of contact that a method declares is known.
+        """
         claimed = self.profile is Profile.MATCHED or self.against != REFERENCE
-        return claimed and self.verdict in (Verdict.MODEL, Verdict.FAILED)
+        return claimed and self.verdict in (Verdict.MODEL, Verdict.FAILED) and self.quantity not in _DECLARED
 
     @property
     def signature(self) -> tuple[str, ...]:
@@ -127,7 +134,7 @@ class _MechanismJudge:
                     continue
                 printed = batch.log.strip()[-_MOST_OUTPUT:] if answer.method is None else ""
                 why = f"{defect}; it printed: {printed}" if printed else defect
-                yield self._judged(engine, answer, REFERENCE, Verdict.FAILED, _kind(defect), why)
+                yield self._judged(engine, answer, REFERENCE, Verdict.FAILED, kind_of(defect), why)
                 continue
             sound.append(answer)
         if engine != REFERENCE:
@@ -233,7 +240,7 @@ def _leaves_open(defect: str) -> bool:
     return defect.startswith(f"{NumericalFailure.__name__}: ") and "contact" in defect
 
 
-def _kind(defect: str) -> str:
+def kind_of(defect: str) -> str:
     """Return the kind of a failure: the words before the first number or name."""
     return re.split(r"[:'0-9]", defect, maxsplit=1)[0].strip()
 

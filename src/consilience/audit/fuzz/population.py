@@ -37,6 +37,9 @@ COMMON = tuple(kind for kind in JOINT_KINDS if kind != "screw")
 STATES = 2
 """States of a case: the drawn pose in motion, and a second pose."""
 
+MOTION, CONTACT_MOTION = (1.0, 0.05), (0.2, 0.04)
+"""Duration of a motion and time between samples, s, without and with contacts, whose motions campaigns ask for."""
+
 SPEED = 2.0
 """Standard deviation of the velocity components along the free directions, m/s and rad/s."""
 
@@ -150,14 +153,15 @@ def specimen(seed: int, contacts: bool = False) -> Specimen:
         sort = str(rng.choice(list(SORTS), p=[s.share for s in SORTS.values()]))
         mechanism = replace(SORTS[sort].draw(rng), name=name)
         initial = in_motion(mechanism, rng)
+    duration, sample = CONTACT_MOTION if contacts else MOTION
     case = Case(
         name=mechanism.name,
         file=f"{mechanism.name}.toml",
         title=f"Random mechanism {seed}, {sort}",
         mechanism=mechanism,
         initial=initial,
-        duration=1.0,
-        sample=0.05,
+        duration=duration,
+        sample=sample,
         digits=6,
         instants=STATES,
         seed=seed,

@@ -22,6 +22,13 @@ _VERDICTS = {
     "unsupported": Verdict.UNSUPPORTED,
 }
 
+_OUTCOMES = {
+    "agrees": Verdict.AGREES,
+    "by steps": Verdict.DISCRETISATION,
+    "by softness": Verdict.REGULARISATION,
+    **_VERDICTS,
+}
+
 COUNTS = ("judged", *_VERDICTS)
 """Counts of mechanisms of an engine: those with comparisons of matched methods, and those with each verdict."""
 
@@ -29,8 +36,8 @@ COUNTS = ("judged", *_VERDICTS)
 def outcome(campaign: FuzzCampaign, findings: Sequence[ShrunkDisagreement]) -> dict[str, Any]:
     """Summarise a campaign as data for JSON."""
     entries = [entry for judged in campaign.judged for entry in judged.entries]
-    compared = [entry for entry in entries if entry.question is Question.INSTANT and entry.method]
-    groups = grouped(compared, lambda entry: (entry.engine, entry.method, entry.against))
+    compared = [entry for entry in entries if entry.question is not Question.MODEL and entry.method]
+    groups = grouped(compared, lambda entry: (entry.question, entry.engine, entry.method, entry.against))
     spent, count = campaign.spent, len(campaign.judged)
     return {
         "consilience": version("consilience"),
@@ -79,10 +86,10 @@ def _method(group: Sequence[JudgedComparison]) -> dict[str, Any]:
         "engine": first.engine,
         "method": first.method,
         "against": first.against,
+        "question": str(first.question),
         "profile": str(first.profile),
         "compared": sum(entry.digits is not None for entry in group),
-        "differs": verdicts[Verdict.MODEL],
-        "failed": verdicts[Verdict.FAILED],
+        **{name: verdicts[verdict] for name, verdict in _OUTCOMES.items()},
         **_digits([entry.digits for entry in group if entry.digits is not None]),
     }
 
@@ -99,6 +106,7 @@ def _finding(finding: ShrunkDisagreement) -> dict[str, Any]:
         "met": {"seed": finding.seed, "bodies": finding.met, "why": met.why},
         "smallest": {"file": finding.file, "bodies": finding.bodies, "why": shown.why, "tried": finding.tried},
         "seeds": list(finding.seeds),
+        "command": finding.command,
     }
 
 
@@ -111,6 +119,10 @@ def markdown(data: dict[str, Any]) -> str:
     cpu = ", ".join(f"{name} {1e3 * spent / max(count, 1):.0f}" for name, spent in clock["cpu"].items())
     sorts = ", ".join(f"{number} {sort}" for sort, number in data["sorts"].items())
     rows = [{"engine": name, **e} for name, e in data["engines"].items()]
+    instants, motions = (
+        [row for row in data["methods"] if row["question"] == question]
+        for question in (Question.INSTANT, Question.TRAJECTORY)
+    )
     lines = [
         "# Differential fuzzing",
         "",
@@ -119,10 +131,9 @@ def markdown(data: dict[str, Any]) -> str:
         "",
         *_table(("engine", "version", *COUNTS), rows),
         *_reason_lines(data["engines"]),
-        *_method_lines("How far each way agrees", data["methods"], Profile.MATCHED),
-        *_method_lines(
-            "Engines as they come out of the box, judged among themselves alone", data["methods"], Profile.DEFAULT
-        ),
+        *_method_lines("How far each way agrees", instants, Profile.MATCHED),
+        *_method_lines("Engines as they come out of the box, judged among themselves alone", instants, Profile.DEFAULT),
+        *_method_lines("Motions", motions, Profile.MATCHED, tuple(_OUTCOMES)),
         *_finding_lines(data["findings"]),
     ]
     lines += [f"- Seed {seed} could not be drawn: {why}" for seed, why in data["not_drawn"].items()]
@@ -158,9 +169,11 @@ def _reason_lines(engines: dict[str, Any]) -> list[str]:
     return ["Unsupported:", "", *reasons, ""] if reasons else []
 
 
-def _method_lines(title: str, methods: Sequence[dict[str, Any]], profile: Profile) -> list[str]:
+def _method_lines(
+    title: str, methods: Sequence[dict[str, Any]], profile: Profile, counts: tuple[str, ...] = ("differs", "failed")
+) -> list[str]:
     rows = [row for row in methods if row["profile"] == profile]
-    keys = ("engine", "method", "against", "compared", "differs", "failed")
+    keys = ("engine", "method", "against", "compared", *counts)
     return [f"## {title}", "", *_table(keys, rows)] if rows else []
 
 
@@ -175,7 +188,7 @@ def _finding_lines(findings: Sequence[dict[str, Any]]) -> list[str]:
             f"- Against {f['against']}, {f['question']}, in {len(seeds)} mechanisms, seeds {named}.",
             f"- Met in {f['met']['bodies']} bodies (seed {f['met']['seed']}): {f['met']['why']}",
             f"- Smallest, {smallest['bodies']} bodies, `{smallest['file']}`: {smallest['why']}",
-            f"- `consilience run {smallest['file']} -e {f['engine']} -q {f['question']}`",
+            f"- `{f['command']}`",
             "",
         ]
     return lines

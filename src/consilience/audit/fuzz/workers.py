@@ -39,7 +39,14 @@ class AnswerBatch:
 
 
 class EngineStream(Worker):
-    """A worker of an engine, with a queue of mechanisms."""
+    """A worker of an engine, with a queue of mechanisms, and the CPU time of all its answers, s."""
+
+    spent: float = 0.0
+
+    def _answer(self, request: Request) -> Reply:
+        reply = super()._answer(request)
+        self.spent += reply.cpu
+        return reply
 
     def submit_cases(self, cases: Sequence[Case]) -> list[Future[Reply]]:
         """Queue a request for the mechanism and the states of each case."""

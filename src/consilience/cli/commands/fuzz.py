@@ -30,7 +30,8 @@ def fuzz(
     mechanisms: Annotated[int, typer.Option("-n", "--mechanisms", min=1, help="How many.")] = 300,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the first; the next ones follow.")] = 1,
     contacts: Annotated[
-        bool, typer.Option("--contacts", help="Draw mechanisms with contacts, stops and dry friction.")
+        bool,
+        typer.Option("--contacts", help="Draw mechanisms with contacts, stops and dry friction; ask for motions, too."),
     ] = False,
     engine: EngineNames = None,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the outcome.")] = Path("consilience-fuzz"),
