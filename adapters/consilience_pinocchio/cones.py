@@ -32,6 +32,9 @@ ACCEPTED = 1e-7
 _RANK = 1e-10
 """Least singular value over the largest of independent rows of constraints."""
 
+USUAL = 1e-3, 1e5
+"""Largest diagonal of G in 1/kg outside of which forces are counted in another unit of mass, which makes it four."""
+
 SETTINGS: dict[str, Any] = {
     "tolerances": TOLERANCE,
     "max_iterations": f"{FEW_ITERATIONS}, {MOST_ITERATIONS} where the residual is large",
@@ -219,8 +222,8 @@ class ConeSolver:
             return np.zeros(len(y))
         if moved == 0.0:
             raise ArithmeticError(f"contacts close by {scale:.1e} m/s^2 against joints that hold all of them")
-        # the solver adds an absolute 1e-6 to the diagonal: forces in units of mass, powers of two that rounding spares
-        mass = 2.0 ** -float(np.rint(np.log2(moved)))
+        # the solver adds an absolute 1e-6 to the diagonal; a power of two rounds nothing
+        mass = 1.0 if USUAL[0] < moved < USUAL[1] else 2.0 ** (2.0 - float(np.rint(np.log2(moved))))
         if self._sets != (own := (mass, *sets)):
             self._sets, self._kept = own, _models(sets, mass)
         # beside data far from one, dependent rows can end with no finite residual
