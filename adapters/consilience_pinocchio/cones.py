@@ -96,6 +96,18 @@ def _without_tangents(sets: tuple[ForceSet, ...]) -> tuple[Array, tuple[ForceSet
     return np.array(rows, dtype=int), tuple(found)
 
 
+def _moving(sets: Sequence[ForceSet], moves: Array) -> tuple[Array, list[ForceSet]]:
+    """Return the rows of sets of which some row moves, and these sets."""
+    rows, found, start = list[int](), list[ForceSet](), 0
+    for one in sets:
+        end = start + (1 if isinstance(one, Interval) else 3)
+        if np.any(moves[start:end]):
+            rows += range(start, end)
+            found.append(one)
+        start = end
+    return np.array(rows, dtype=int), found
+
+
 @lru_cache(maxsize=1)
 def _hinge() -> tuple[Any, Any]:
     """Return a model of one hinge, which sets need and do not use."""
@@ -204,15 +216,21 @@ class ConeSolver:
             return self._solved(G, y, sets)
         except ArithmeticError:
             others = [one for one in sets if not isinstance(one, Anchor)]
-            if len(others) in (0, len(sets)):
+            if len(others) == len(sets):
                 raise
-        # rows of constraints and contacts that depend on one another slow it down without end
+        # rows of constraints and contacts that depend on one another slow it down without end; of constraints alone,
+        # whose data agree no better than the step keeps them, it then finds no forces
         held = 3 * (len(sets) - len(others))
-        by_held = np.linalg.pinv(G[:held, :held], rcond=_RANK, hermitian=True)
+        size, axes = np.linalg.eigh(G[:held, :held])
+        kept = size > _RANK * size[-1]
+        by_held = (axes[:, kept] / size[kept]) @ axes[:, kept].T
+        rounding = max(_RANK, 10.0 * np.finfo(float).eps * size[-1] / np.min(size[kept], initial=size[-1]))
         across = by_held @ G[:held, held:]
-        left = y[held:] - across.T @ y[:held]
-        left[np.abs(left) <= _RANK * np.max(np.abs(y))] = 0.0  # what anchors hold already
-        f = self._solved(G[held:, held:] - G[held:, :held] @ across, left, others)
+        left, free = y[held:] - across.T @ y[:held], G[held:, held:] - G[held:, :held] @ across
+        left[np.abs(left) <= rounding * np.max(np.abs(y))] = 0.0  # what anchors hold already
+        moves = (np.diag(free) > rounding * np.diag(G)[held:]) | (left != 0.0)
+        f, (rows, moving) = np.zeros(len(left)), _moving(others, moves)
+        f[rows] = self._solved(free[np.ix_(rows, rows)], left[rows], moving)
         return np.concatenate([-by_held @ y[:held] - across @ f, f])
 
     def _solved(self, G: Array, y: Array, sets: Sequence[ForceSet]) -> Array:

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from consilience.audit.fuzz.population import specimen
 from consilience.case import load_case
 from consilience.engine import Question, Route
 from consilience.errors import InvalidInput
@@ -473,6 +474,19 @@ def test_smooth_contacts_that_one_freedom_shares_bear_it_together(tipped, mismat
     forces = ConeSolver().forces(0.7 * np.outer(J, J), -G * J + [0.0, mismatch], [ONE_SIDED, ONE_SIDED])
     assert J @ forces == pytest.approx(G / 0.7, rel=3e-9)
     assert np.min(forces) >= 0.0
+
+
+@pytest.mark.parametrize(("seed", "samples"), [(55034, 6), (55008, 2)])
+def test_rows_of_joints_that_depend_on_one_another_leave_the_contacts_a_motion(seed, samples):
+    """A planar four-bar that strikes a ball, and a contact whose normal the joints hold but for rounding."""
+    case = specimen(seed, contacts=True).case
+    times = case.times[:samples]
+    exact = simulate_with_contacts(case.mechanism, case.initial_state, times, 1e-10)[0].p_WB
+    coarse, fine = (
+        np.max(np.abs(move(case.mechanism, case.initial_state, times, h).p_WB - exact)) for h in (4e-3, 2e-3)
+    )
+    assert fine == pytest.approx(0.5 * coarse, rel=0.1)
+    assert fine < 3e-4
 
 
 def test_the_law_of_moreau_is_that_of_the_steps():
