@@ -30,7 +30,10 @@ ACCEPTED = 1e-7
 """Largest residual of an answer, relative to the data."""
 
 _RANK = 1e-10
-"""Least singular value over the largest of independent rows of constraints."""
+"""Least size over the largest of what rounding leaves of rows and data that constraints hold."""
+
+_DEPENDENT = 1e-8
+"""Largest eigenvalue over the largest of dependent rows: an error of the pose leaves its square."""
 
 USUAL = 1e-3, 1e5
 """Largest diagonal of G in 1/kg outside of which forces are counted in another unit of mass, which makes it four."""
@@ -222,9 +225,9 @@ class ConeSolver:
         # whose data agree no better than the step keeps them, it then finds no forces
         held = 3 * (len(sets) - len(others))
         size, axes = np.linalg.eigh(G[:held, :held])
-        kept = size > _RANK * size[-1]
+        kept = size > _DEPENDENT * size[-1]
         by_held = (axes[:, kept] / size[kept]) @ axes[:, kept].T
-        rounding = max(_RANK, 10.0 * np.finfo(float).eps * size[-1] / np.min(size[kept], initial=size[-1]))
+        rounding = max(_RANK, 100.0 * np.finfo(float).eps * size[-1] / np.min(size[kept], initial=size[-1]))
         across = by_held @ G[:held, held:]
         left, free = y[held:] - across.T @ y[:held], G[held:, held:] - G[held:, :held] @ across
         left[np.abs(left) <= rounding * np.max(np.abs(y))] = 0.0  # what anchors hold already
