@@ -12,6 +12,7 @@ friction                 zone ``h sum(mu N G)``, G the tangential inverse inerti
                          largest of what two bodies keep closed
 =======================  ======================================================================================
 
+A contact that rests under a load at the start has no restitution either, which Exudyn divides by a speed of impact.
 A damped contact pulls as it opens, until its overlap has gone: what that changes vanishes with the damping over the
 stiffness.
 """
@@ -135,7 +136,7 @@ class Seen:
     normal : float, N
         Normal force at the start.
     speed : float, m/s
-        Bound of the closing speed of the first impact; zero for a closed contact without restitution.
+        Bound of the closing speed of the first impact; zero for a closed contact that rests or has no restitution.
     load : float, N
         Normal force that a contact which opens may have before; zero for others. Its bound does not follow the step, so
         that its zone does.
@@ -163,7 +164,8 @@ class Seen:
         zone = at.step * float(np.sum(self.G)) * part.friction * bound
         overlap = self.normal / stiffness or -_CLEAR
         deep = _DEEP * max(overlap, bound / stiffness) + at.round
-        return Penalty(stiffness, damping, zone, overlap, deep, at.room, part.restitution)
+        restitution = part.restitution if self.speed > 0.0 else 0.0
+        return Penalty(stiffness, damping, zone, overlap, deep, at.room, restitution)
 
 
 def penalties_of(seen: Sequence[Seen], bounds: Sequence[float], at: Step) -> list[Penalty]:
@@ -189,14 +191,16 @@ def penalties_of(seen: Sequence[Seen], bounds: Sequence[float], at: Step) -> lis
 
 
 def refuse_late_hit(seen: Sequence[Seen], largest: Array) -> None:
-    """Refuse a contact with friction that is closed at the start, and is hit later."""
+    """Refuse a contact with friction or restitution that rests at the start, and is hit later."""
     loaded = max((one.normal for one in seen), default=0.0)
     for one, force in zip(seen, largest, strict=True):
-        if one.speed == 0.0 and one.row.part.friction > 0.0 and force > _HITS * max(loaded, 1e-9):
-            raise CannotRepresent(
-                f"contact '{one.row.part.name}', closed at the start, hits later with {force:.3g} N",
-                "the zone in which its friction is proportional would not vanish with the step",
-            )
+        if one.speed > 0.0 or force <= _HITS * max(loaded, 1e-9):
+            continue
+        what = f"contact '{one.row.part.name}', closed at the start, hits later with {force:.3g} N"
+        if one.row.part.friction > 0.0:
+            raise CannotRepresent(what, "the zone in which its friction is proportional would not vanish with the step")
+        if one.row.part.restitution > 0.0:
+            raise CannotRepresent(what, "Exudyn's restitution begins with the speed of an impact, and it rests at none")
 
 
 def contacts_at_start(mechanism: Mechanism, state: State) -> list[Seen]:
@@ -212,7 +216,8 @@ def contacts_at_start(mechanism: Mechanism, state: State) -> list[Seen]:
     forces, opens = _at_start(mechanism, state, rows)
     found, pull = [], float(np.linalg.norm(mechanism.gravity))
     for row, a, g, normal, open_ in zip(rows, A, G, forces, opens, strict=True):
-        hits = row.gap > slack or row.part.restitution > 0.0 or open_
+        rests = normal > 0.0 and row.gap <= slack and row.rate >= -AT_REST
+        hits = row.gap > slack or open_ or (row.part.restitution > 0.0 and not rests)
         speed = float(np.linalg.norm(row.u) + np.sqrt(2.0 * pull * max(row.gap, 0.0))) if hits else 0.0
         load = max(forces) if open_ and row.gap <= slack and row.part.restitution == 0.0 else 0.0
         found.append(Seen(row, float(a), g, normal, max(speed, 1e-3) if hits else 0.0, load))

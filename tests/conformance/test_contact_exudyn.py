@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from consilience import simulate
+from consilience import Drawing, simulate
 from consilience.case import load_case
 from consilience.engine import CannotRepresent, Question, Route, defects
 from consilience.mechanism import (
@@ -152,6 +152,42 @@ def test_a_ladder_keeps_its_speed_after_it_has_left_the_wall():
     state = LAB.state([0.5, 0, np.sqrt(0.75)], [0, 0, 0], turn=turned(0, -np.pi / 6, 0))
     answer = motion(mechanism, state, 0.6, 12, 1, Route.EXTRAPOLATED)
     close((LAB.centre(answer)[1][:2],), ([1.18993761819162, 0.0],), 1e-4)
+
+
+@pytest.mark.parametrize(("mu", "share"), [(0.0, 1.0), (0.5, 5 / 7)])
+def test_what_rests_does_not_rebound(mu, share):
+    """A ball in axes of the world, whose speed of approach is no rounding but zero, slides, or rolls with 5/7 of g."""
+    draw = Drawing("rests", gravity=(1.5, 0.0, -G))
+    draw.body("ball", mass=1.3, at=(0.0, 0.0, 0.1), inertia=(0.4 * 1.3 * 0.01,) * 3)
+    draw.joint("flight", "free", "ground", "ball", at=(0.0, 0.0, 0.1))
+    law = {"friction": mu, "restitution": 0.5}
+    draw.add("contact", "floor", body="ball", at=(0, 0, 0.1), radius=0.1, point=(0, 0, 0), normal=(0, 0, 1.0), **law)
+    case = draw.case(duration=0.2, sample=0.02)
+    answer = motion(case.mechanism, case.initial_state, 0.2)
+    np.testing.assert_allclose(answer.p_WB[-1, 0], [0.5 * share * 1.5 * 0.2**2, 0.0, 0.1], atol=1e-4)
+
+
+def test_what_rests_and_is_hit_later_is_refused_with_its_restitution():
+    """A smooth block under gravity, on which a ball falls from 0.2 m."""
+    draw = Drawing("hit", gravity=(0.0, 0.0, -G))
+    draw.body("block", mass=2.0, at=(0.0, 0.0, 0.1), inertia=(0.02, 0.03, 0.04))
+    draw.body("ball", mass=1.0, at=(0.0, 0.0, 0.5), inertia=(0.004, 0.004, 0.004))
+    for name, z in (("block", 0.1), ("ball", 0.5)):
+        draw.joint(f"flight_of_{name}", "free", "ground", name, at=(0.0, 0.0, z))
+    floor = {"point": (0.0, 0.0, 0.0), "normal": (0.0, 0.0, 1.0), "restitution": 0.5}
+    draw.add("contact", "floor", body="block", at=(0.0, 0.0, 0.1), radius=0.1, **floor)
+    draw.add(
+        "contact",
+        "top",
+        body="ball",
+        at=(0.0, 0.0, 0.5),
+        radius=0.1,
+        partner="block",
+        **(floor | {"point": (0.0, 0.0, 0.2)}),
+    )
+    case = draw.case(duration=0.4, sample=0.02)
+    with pytest.raises(CannotRepresent, match=r"'floor', closed at the start, hits later .* restitution begins"):
+        motion(case.mechanism, case.initial_state, 0.4)
 
 
 @pytest.mark.parametrize("substeps", [40, 80, 320])
