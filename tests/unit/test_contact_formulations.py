@@ -7,6 +7,7 @@ import pytest
 
 from consilience import Drawing, simulate
 from consilience.audit.formulations.contacts import FLOOR, LEVELS, SAFETY, TIMES, band_of, campaign, compare, summary
+from consilience.audit.fuzz.population import specimen
 from consilience.audit.random_contacts import random_contacts
 from consilience.errors import NumericalFailure
 from consilience.mechanism import State, contact_parts, rotation_from_quaternion
@@ -156,6 +157,14 @@ def test_friction_that_jams_under_a_rebound_alone_is_told_as_such():
     assert found.reason == "painleve"
     assert found.message.startswith("t = 0 s: contact 'contact_0', contact 'contact_1'")
     assert "jams (Painleve) under the rebound" in found.message
+
+
+@pytest.mark.parametrize("tolerance", [1e-8, 1e-10, 1e-12])
+def test_steps_that_find_no_end_before_a_jam_tell_the_jam(tolerance):
+    """The determinant of the sliding contacts falls through zero; a coarse step lands behind it, finer ones do not."""
+    case = specimen(55114, contacts=True).case
+    with pytest.raises(NumericalFailure, match=r"t = 0\.17666702\d+ s: .*jams \(Painleve\)"):
+        simulate_with_contacts(case.mechanism, case.initial_state, case.times, tolerance)
 
 
 @pytest.mark.slow

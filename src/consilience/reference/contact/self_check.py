@@ -15,13 +15,12 @@ dissipation               what slides loses the most power that its cone allows;
 Forces that are undetermined must have some choice within all cones. Accelerations are those of the Delassus matrix, not
 those of the compiled derivative.
 
-As friction jams (Painleve) the determinant of the modes falls to zero; it is watched from step to step. What these
-laws cannot see, energy that vanishes between samples, `energy_balance` tells at the end.
+What these laws cannot see, energy that vanishes between samples, `energy_balance` tells at the end.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -30,12 +29,9 @@ from consilience.mechanism import RANK_TOLERANCE, Array
 from consilience.reference.bodies.arrays import ANGLE, holonomic_rows
 from consilience.reference.contact.equations import ContactEquations
 from consilience.reference.contact.lasting import sliding_rates, widest_margin
-from consilience.reference.contact.mode_system import sliding_indicator
 from consilience.reference.contact.problem import FrictionSet
-from consilience.reference.contact.quiet_steps import JAMS
 from consilience.reference.contact.response import HELD, SampledRows
 from consilience.reference.contact.row_modes import RowModes
-from consilience.reference.contact.stepper import Stepper
 
 Violations = tuple[Sequence[str], str, Array]
 """Names of k rows, what is wrong there, and by how much at n states, shape (n, k)."""
@@ -287,61 +283,3 @@ def _support(one: FrictionSet, force: Array) -> Array:
         return np.linalg.norm(force, axis=1)
     middles = 0.5 * (vertices + np.roll(vertices, -1, axis=0))
     return np.max(force @ (middles / np.sum(middles**2, axis=1)[:, None]).T, axis=1)
-
-
-def ends_before_jam(equations: ContactEquations, stepper: Stepper, until: float, ends: Callable[[], bool]) -> bool:
-    """End the last step before sliding friction jams, if it does by a time; return whether it did.
-
-    Forces grow without bound towards a jam, and may first reach what ends the modes.
-
-    Parameters
-    ----------
-    equations : ContactEquations
-    stepper : Stepper
-    until : float, s
-    ends : callable
-        Whether a repeated step has to end at the present state (`Stepper.shorten`).
-
-    Raises
-    ------
-    NumericalFailure
-        At a jam at the start of the step.
-    """
-    first = until
-    while any(heading is not None for heading in stepper.modes.heading):
-        try:
-            _refuse_jam(equations, stepper.modes, (until, stepper.between(np.array([until]))[0], stepper.turns))
-            break
-        except NumericalFailure:
-            if until - stepper.started <= 8.0 * float(np.spacing(until)):
-                raise
-        stepper.shorten(0.5 * (stepper.started + until), ends)
-        until = stepper.t
-    return until < first
-
-
-def _refuse_jam(equations: ContactEquations, modes: RowModes, at: tuple[float, Array, Array]) -> None:
-    """Refuse modes in which sliding friction has jammed at a time, packed state and turns.
-
-    The scaled determinant without friction is at most one (Hadamard), so the indicator is at least that with friction.
-
-    Raises
-    ------
-    NumericalFailure
-    """
-    loaded = [
-        one.name
-        for one, mode in zip(equations.layout.friction, modes.friction, strict=True)
-        if mode is not None and np.any(mode.drag) and one.load in equations.layout.normals
-    ]
-    if not loaded or equations.determinant(*at) > JAMS:
-        return
-    response = equations.respond(*at)
-    scale = np.linalg.norm(response.load, axis=0)
-    scale[scale == 0.0] = 1.0
-    value = sliding_indicator(response.K @ response.K.T, scale, *equations.columns())
-    if value <= JAMS:
-        raise NumericalFailure(
-            f"{', '.join(dict.fromkeys(loaded))}, t = {at[0]:.12g} s: sliding friction jams (Painleve): the "
-            f"determinant of its equations, relative to that without friction, has fallen to {value:.3g}"
-        )

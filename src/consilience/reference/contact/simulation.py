@@ -26,6 +26,7 @@ from consilience.reference.contact.event_functions import EventFunctions
 from consilience.reference.contact.events import CLEAR, Watch, first_zero, nodes_of, start_of_slip
 from consilience.reference.contact.hops import rows_at_rest, what_lifts
 from consilience.reference.contact.impact import AppliedImpact, apply_impact
+from consilience.reference.contact.jams import ends_before_jam, step
 from consilience.reference.contact.lasting import (
     LastingContact,
     binding_bounds,
@@ -42,7 +43,7 @@ from consilience.reference.contact.rims import Rims
 from consilience.reference.contact.row_modes import RowModes, open_modes
 from consilience.reference.contact.samples import Samples
 from consilience.reference.contact.search import JammedFriction
-from consilience.reference.contact.self_check import EventsAtOnce, UncheckedSamples, ends_before_jam, refuse_overlap
+from consilience.reference.contact.self_check import EventsAtOnce, UncheckedSamples, refuse_overlap
 from consilience.reference.contact.slip_headings import STOPPED, SlipHeadings
 from consilience.reference.contact.small_steps import SmallSteps
 from consilience.reference.contact.speeds import fastest, speed_from_rest
@@ -161,7 +162,7 @@ class ContactSimulation:
         if stepper.drifts or room <= CLEAR:
             stepper.choose(chosen_force(self.equations, stepper.respond(stepper.t, stepper.y), stepper.modes))
             room = self.functions.room(stepper)
-        stepper.advance(bound)
+        step(self.equations, stepper, bound)
         self.rims.keep_clear(stepper)
         while (back := self.slips.leaves_line(stepper, self._slip_speed())) is not None:
             stepper.shorten(back, self._ends_early)
