@@ -67,7 +67,9 @@ def _engine(name: str, of_version: str, campaign: FuzzCampaign) -> dict[str, Any
         verdicts = {e.verdict for e in own}
         for name_of_count, verdict in _VERDICTS.items():
             counts[name_of_count] += verdict in verdicts
-        reasons.update({e.why for e in own if e.verdict is Verdict.UNSUPPORTED})
+        refused = [e for e in own if e.verdict is Verdict.UNSUPPORTED]
+        at_states = [e for e in refused if e.question is Question.INSTANT]
+        reasons.update({e.why for e in at_states or refused})
         matched = [e for e in own if e.profile is Profile.MATCHED and e.question is Question.INSTANT]
         found = [e.digits for e in matched if e.digits is not None]
         counts["judged"] += bool(found)
