@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 
 import consilience as cs
 from consilience.errors import NumericalFailure
+from consilience.mechanism import rotation_from_quaternion
 from consilience.reference.contact import small_steps
 
 MASS, MU, STIFFNESS, DAMPING, END = 0.8, 0.3, 2e4, 20.0, 0.2
@@ -115,3 +116,49 @@ def test_slips_that_stop_and_turn_without_end_are_refused_by_name(monkeypatch):
     monkeypatch.setattr(small_steps, "_MOST", 1)
     with pytest.raises(NumericalFailure, match=r"contact 'left\d'.*, t = \S+ s: slips stop, start and turn 1 times"):
         cs.simulate(gripper())
+
+
+SLEDGE, ABOUT, CORNER, BEHIND = 2.0, 0.05, np.array([0.2, -0.15]), np.array([0.03, 0.02])
+"""Mass and moment of inertia of a block on two feet, place of one of them, and of its centre, m, in a plane."""
+
+
+def stopping_sledge(eps: float, times: np.ndarray) -> np.ndarray:
+    """Centre (x, z) of the block on two feet at times, by Newton and Euler, with friction ``-mu N tanh(u/eps)``."""
+    arms = CORNER * [[-1.0, 1.0], [1.0, 1.0]] - BEHIND
+
+    def rates(t, y):
+        (_, z, turn), (vx, vz, w), a = y[:3], y[3:], np.array([0.0, -9.81, 0.0])
+        for arm in arms:
+            r = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]) @ arm
+            u, gap = (vx + w * r[1], vz - w * r[0]), z + r[1]
+            N = max(0.0, -4000.0 * gap - 40.0 * u[1]) if gap < 0.0 else 0.0
+            T = -0.35 * N * np.tanh(u[0] / eps)
+            a += [T / SLEDGE, N / SLEDGE, (r[1] * T - r[0] * N) / ABOUT]
+        return np.concatenate([y[3:], a])
+
+    start = [BEHIND[0], BEHIND[1] - CORNER[1], 0.0, 3.0, 0.0, 0.0]
+    options = {"method": "Radau", "rtol": 1e-9, "atol": 1e-11, "max_step": 0.002, "t_eval": times}
+    with np.errstate(over="ignore"):
+        return scipy.integrate.solve_ivp(rates, (0.0, times[-1]), start, **options).y[:2].T
+
+
+def test_a_block_that_stops_and_rocks_on_two_compliant_feet_goes_on():
+    """Where both feet hold, their distance along the plane changes as it rocks: one slips by 1e-12 m/s, and turns.
+
+    Regularised friction creeps by 1e-6 m/s.
+    """
+    R = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
+    R = R * np.sign(np.linalg.det(R))
+    drawing, height = cs.Drawing("sledge", gravity=tuple(-9.81 * R[:, 2])), -CORNER[1]
+    com, inertia = R @ [BEHIND[0], 0.0, BEHIND[1]], R @ np.diag([0.05, ABOUT, 0.06]) @ R.T
+    drawing.body("block", mass=SLEDGE, at=tuple(height * R[:, 2]), com=tuple(com), inertia=inertia)
+    drawing.joint("flight", "free", "ground", "block", at=tuple(height * R[:, 2]))
+    law = {"friction": 0.35, "compliance": {"stiffness": 4000.0, "damping": 40.0}}
+    for k, side in enumerate((-1.0, 1.0)):
+        at = tuple(side * CORNER[0] * R[:, 0])
+        drawing.add("contact", f"foot{k}", body="block", at=at, point=(0, 0, 0), normal=tuple(R[:, 2]), **law)
+    case = drawing.case(rates={"flight": {"position": tuple(3.0 * R[:, 0])}}, duration=1.5, sample=0.05)
+    motion = cs.simulate(case)
+    turns = rotation_from_quaternion(motion.quat_WB[:, 0])
+    places = (motion.p_WB[:, 0] + turns @ com) @ R[:, [0, 2]]
+    np.testing.assert_allclose(places, stopping_sledge(1e-6, motion.time), rtol=0, atol=3e-6)

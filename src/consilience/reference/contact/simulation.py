@@ -149,7 +149,7 @@ class ContactSimulation:
             self._advance(bound)
         except SlipTurns:
             slow = self.slips.slow(self.stepper, self.speed)
-            if len(slow) < 2 or self.equations.reacting:
+            if not (slow and self.slips.several(self.stepper)) or self.equations.reacting:
                 raise
             self._settle(frozenset(), {}, frozenset(slow), together=True)
 
