@@ -264,7 +264,7 @@ def test_a_rate_beside_a_drive_is_refused_with_what_the_drive_makes_it():
     drawing.body("belt", mass=5.0, at=(0.1, 0.2, 0.3), com=(0.01, 0.02, 0.03), inertia=(1.0, 2.0, 2.5))
     drawing.joint("track", "prismatic", "ground", "belt", at=(0.0, 0.0, 0.0), axis=(1.0, 2.0, 2.0))
     drawing.add("drive", "motor", joint="track", coordinate="distance", motion=sine(0.1, 12.0))
-    with pytest.raises(CannotAssemble, match="joint 'track', .* is to be -3, but .*drives.* make it 1.2:"):
+    with pytest.raises(CannotAssemble, match=r"joint 'track', .* is to be -3, but .*drives.* make it 1\.2:"):
         _ = drawing.case(rates={"track": {"distance": -3.0}}, duration=1.0).initial_state
 
 
