@@ -21,7 +21,7 @@ from consilience.mechanism import Array
 TOLERANCE = 1e-13
 """Tolerances of the solver, relative to the data and absolute in m/s^2 and N; the defaults are 1e-6."""
 
-FEW_ITERATIONS, MOST_ITERATIONS = 300, 5000
+FEW_ITERATIONS, MANY_ITERATIONS, MOST_ITERATIONS = 300, 5000, 50_000
 
 ENOUGH, ENOUGH_AT_INSTANT = 1e-9, 1e-11
 """Residual relative to the data at which few iterations are enough: dependent rows do not get to the tolerance."""
@@ -40,7 +40,7 @@ USUAL = 1e-3, 1e5
 
 SETTINGS: dict[str, Any] = {
     "tolerances": TOLERANCE,
-    "max_iterations": f"{FEW_ITERATIONS}, {MOST_ITERATIONS} where the residual is large",
+    "max_iterations": f"{FEW_ITERATIONS}, up to {MOST_ITERATIONS} where the residual is large",
     "admm_update_rule": "SPECTRAL",
     "solve_ncp": True,
 }
@@ -237,7 +237,7 @@ class ConeSolver:
         return np.concatenate([-by_held @ y[:held] - across @ f, f])
 
     def _solved(self, G: Array, y: Array, sets: Sequence[ForceSet]) -> Array:
-        """Return the forces by Pinocchio's solver, in two numbers of iterations and two units of acceleration."""
+        """Return the forces by Pinocchio's solver, in three numbers of iterations and two units of acceleration."""
         scale, moved = float(np.abs(y).max(initial=0.0)), float(np.max(G.diagonal(), initial=0.0))
         if scale == 0.0:
             return np.zeros(len(y))
@@ -248,7 +248,10 @@ class ConeSolver:
         if self._sets != (own := (mass, *sets)):
             self._sets, self._kept = own, _models(sets, mass)
         # beside data far from one, dependent rows can end with no finite residual
-        for most, unit in ((FEW_ITERATIONS, 1.0), (MOST_ITERATIONS, 1.0), (MOST_ITERATIONS, scale)):
+        attempts = [(FEW_ITERATIONS, 1.0), (MANY_ITERATIONS, 1.0), (MANY_ITERATIONS, scale)]
+        if not any(isinstance(one, Anchor) for one in sets):  # of anchors beside contacts no number is enough
+            attempts.append((MOST_ITERATIONS, scale))
+        for most, unit in attempts:
             self._settings.max_iterations = most
             result = pin.ADMMSolverResult()
             models, data = self._kept if unit == 1.0 else _models(sets, mass * unit)

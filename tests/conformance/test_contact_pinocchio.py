@@ -458,6 +458,28 @@ def test_the_solver_s_traps():
     np.testing.assert_allclose(solver.forces(G2, np.array([1.0, 0.0, -4.0]), [Circle(0.2)]), first, atol=1e-12)
 
 
+def test_a_contact_near_a_jam_takes_as_many_iterations_as_it_needs():
+    """A point on two axes that slides: no normal velocity, and friction against the slip; the normal force is
+    ``-y_n/(G_nn - mu G_nt d)`` with the slip's direction d, a denominator of a sixth of G_nn.
+    """
+    mu, G3 = (
+        0.2837583494211008,
+        np.array(
+            [
+                [0.10208636926766734, 0.08722959399752117, 0.00477354385811654],
+                [0.08722959399752117, 0.9391606328327211, 0.04098711619221698],
+                [0.00477354385811654, 0.04098711619221699, 0.00179871351264373],
+            ]
+        ),
+    )
+    y = np.array([-513.1592936465248, 114.29096636520201, -0.5771123024609146])
+    f = ConeSolver().forces(G3, y, [Circle(mu)])
+    u = G3 @ f + y
+    along = u[:2] / np.linalg.norm(u[:2])
+    np.testing.assert_allclose(f[:2], -mu * f[2] * along, rtol=1e-9)
+    assert f[2] == pytest.approx(-y[2] / (G3[2, 2] - mu * G3[2, :2] @ along), rel=1e-9)
+
+
 @pytest.mark.parametrize("push", [5.0, 1450.0, 2700.0])
 def test_a_stop_beside_dry_friction_takes_all_that_friction_does_not(push):
     """Both act on one coordinate: ``f_1 + f_2`` is determined, whatever the size of the data."""
