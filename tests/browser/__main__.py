@@ -43,6 +43,12 @@ CUT = """[...document.querySelectorAll('.wide')].filter((e) => e.scrollWidth > e
   .map((e) => e.getAttribute('aria-label'))"""
 """Tables that a window shows a part of."""
 
+SQUEEZED = """[...document.querySelectorAll('.matrix .cell a')].filter((e) => e.offsetWidth).filter((e) =>
+  [...e.children].some((part) => part.offsetWidth && (part.offsetHeight > e.offsetHeight
+  || part.getBoundingClientRect().left < e.getBoundingClientRect().left
+  || part.getBoundingClientRect().right > e.getBoundingClientRect().right + 1))).map((e) => e.hash)"""
+"""Cells of the matrix of which a mark or number does not fit into its line."""
+
 
 def pages(view, joint):
     """One page of each kind, by the name of its screenshot."""
@@ -67,6 +73,7 @@ def accessible(window, report, view):
             yield from (f"{name}, {scheme}, {width} px: {line}" for line in opened.violations())
             if opened.page.evaluate("document.documentElement.scrollWidth") > width:
                 yield f"{name}: wider than a window of {width} px"
+            yield from (f"{name}: {cell} is squeezed at {width} px" for cell in opened.page.evaluate(SQUEEZED)[:5])
             if width > NARROW:
                 yield from (f"{name}: cut at {width} px: {label}" for label in opened.page.evaluate(CUT))
         yield from opened.trouble

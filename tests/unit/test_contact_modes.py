@@ -14,7 +14,7 @@ from consilience.mechanism import skew
 from consilience.reference.contact.cones import sticking_margin
 from consilience.reference.contact.decision import decide, solutions
 from consilience.reference.contact.mode_system import columns_and_rows, sliding_indicator, solve_with_modes
-from consilience.reference.contact.problem import ContactProblem, FrictionSet
+from consilience.reference.contact.problem import ContactProblem, FrictionSet, in_words
 from consilience.reference.contact.search import PainleveParadox
 from consilience.reference.contact.uniqueness import proven_unique
 from touching_bodies import CORNERS, FEET, FLOOR, LUMPY, g, rod, total, touching, weight_on_incline
@@ -310,6 +310,12 @@ def test_spin_against_drilling_friction():
         found = decide(ContactProblem(rows @ size @ rows.T, free, ("ball",) * 4, (0,), friction), exhaustive=True)
         np.testing.assert_allclose(found.acceleration, [0.0, 0.0, 0.0, rate], atol=1e-11)
         assert found.unique
+
+
+def test_parts_of_one_contact_are_named_together():
+    corners = [f"contact 'floor[{n}]'" for n in (0, 3, 0)]
+    assert in_words([*corners, "stop 'end'", "stop 'end'"]) == "contact 'floor[0, 3]', stop 'end'"
+    assert in_words(["floor[2]", "wall", "floor[1]"]) == "floor[2, 1], wall"
 
 
 def test_what_has_no_answer_names_the_contact():

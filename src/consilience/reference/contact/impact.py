@@ -52,6 +52,7 @@ from consilience.reference.bodies.canonical import joint_wrenches
 from consilience.reference.contact.equations import ContactEquations
 from consilience.reference.contact.impulse import has_table, solve_impulse
 from consilience.reference.contact.layout import RowLayout, layout_of
+from consilience.reference.contact.problem import in_words
 from consilience.reference.contact.response import Response
 from consilience.reference.contact.row_modes import open_modes
 from consilience.reference.contact.stepper import Stepper
@@ -283,7 +284,7 @@ def apply_impact(
     found = solve_impulse(replace(problem, free=u[at], size=size), restitution[normals], laws, at_rest, stepper.t)
     if found.unique is False:
         raise NumericalFailure(
-            f"impact of {', '.join(_names(layout, normals))} at t = {stepper.t:.12g} s: the laws of contact and "
+            f"impact of {in_words(_names(layout, normals))} at t = {stepper.t:.12g} s: the laws of contact and "
             "friction allow several accelerations, here velocities afterwards, as where contacts share an impulse and "
             "slide in different directions: the motion is not unique from here on"
         )
@@ -340,6 +341,6 @@ def _check_energy(impact: AppliedImpact, layout: RowLayout, at_rest: float, by_t
     if (min(losses) if by_table else sum(losses)) < -slack:
         by_restitution, by_friction = (-loss / impact.energy for loss in losses)
         raise NumericalFailure(
-            f"impact of {', '.join(_names(layout, impact.normals))} at t = {impact.time:.12g} s: it would create "
+            f"impact of {in_words(_names(layout, impact.normals))} at t = {impact.time:.12g} s: it would create "
             f"energy: of that before, {by_restitution:+.3g} by restitution and {by_friction:+.3g} by friction"
         )

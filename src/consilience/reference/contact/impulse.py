@@ -27,7 +27,7 @@ from consilience.reference.contact.decision import ModeDecision, all_unique, dec
 from consilience.reference.contact.groups import groups
 from consilience.reference.contact.mode_system import RANK
 from consilience.reference.contact.modes import ClosedContacts, solve_modes
-from consilience.reference.contact.problem import ContactProblem, FrictionSet
+from consilience.reference.contact.problem import ContactProblem, FrictionSet, in_words
 from consilience.reference.contact.projections import PATIENT_SWEEPS, friction_table, project_impulses
 from consilience.reference.contact.routh import poisson_path
 from consilience.reference.contact.search import JammedFriction
@@ -207,7 +207,7 @@ def _moreau(problem: ContactProblem, restitution: Array) -> ImpulseSolution:
         decision = decide(replace(problem, free=problem.free + rebound))
     except JammedFriction as failure:
         if np.any(rebound) and _is_solvable(problem):
-            names = ", ".join(dict.fromkeys(problem.names))
+            names = in_words(problem.names)
             raise NumericalFailure(f"{names}: {JAMMED}") from failure
         raise
     return ImpulseSolution(
@@ -232,7 +232,7 @@ def _convex(problem: ContactProblem, restitution: Array) -> ImpulseSolution:
     act[normals] = True
     law = friction_table(problem.friction, problem.normals)
     if not project_impulses(problem.delassus, free, law, np.zeros(len(problem.friction)), act, PATIENT_SWEEPS, p):
-        raise NumericalFailure(f"{', '.join(dict.fromkeys(problem.names))}: impulses in associated cones are not found")
+        raise NumericalFailure(f"{in_words(problem.names)}: impulses in associated cones are not found")
     return ImpulseSolution(p, problem.acceleration(p), _names(problem, p), None)
 
 

@@ -10,6 +10,7 @@ from consilience.errors import NumericalFailure
 from consilience.mechanism import Array
 from consilience.reference.contact.equations import ContactEquations
 from consilience.reference.contact.mode_system import sliding_indicator
+from consilience.reference.contact.problem import in_words
 from consilience.reference.contact.quiet_steps import JAMS
 from consilience.reference.contact.row_modes import RowModes
 from consilience.reference.contact.stepper import SlipTurns, Stepper
@@ -88,6 +89,6 @@ def _refuse_jam(
     value = sliding_indicator(response.K @ response.K.T, scale, *equations.columns())
     if value <= jams:
         raise NumericalFailure(
-            f"{', '.join(dict.fromkeys(loaded))}, t = {at[0]:.12g} s: sliding friction jams (Painleve): the "
+            f"{in_words(loaded)}, t = {at[0]:.12g} s: sliding friction jams (Painleve): the "
             f"determinant of its equations, relative to that without friction, has fallen to {value:.3g}"
         )

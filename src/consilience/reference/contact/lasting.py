@@ -16,7 +16,7 @@ from consilience.reference.contact.decision import ModeDecision, decide
 from consilience.reference.contact.equations import ContactEquations
 from consilience.reference.contact.joint_friction import decide_with_reactions
 from consilience.reference.contact.mode_system import solve_with_modes
-from consilience.reference.contact.problem import ContactProblem, FrictionMode, Modes
+from consilience.reference.contact.problem import ContactProblem, FrictionMode, Modes, in_words
 from consilience.reference.contact.response import Response
 from consilience.reference.contact.row_modes import RowModes, open_modes
 
@@ -199,7 +199,7 @@ def require_unique(found: LastingContact, time: float) -> LastingContact:
     if found.decision is not None and found.decision.others:
         raise NumericalFailure(
             f"contact at t = {time:.12g} s: the laws of contact and friction allow several accelerations "
-            f"of {', '.join(found.apart)}: the motion is not unique from here on"
+            f"of {in_words(found.apart)}: the motion is not unique from here on"
         )
     return found
 

@@ -22,6 +22,7 @@ from consilience.errors import NumericalFailure
 from consilience.mechanism import Array, cross, orthogonal_triad
 from consilience.reference.contact.complementarity import solve_lcp
 from consilience.reference.contact.mode_system import least_singular
+from consilience.reference.contact.problem import in_words
 
 _SLACK = 1e-9
 """Tolerance of the conditions of a mode, relative to the velocities or impulses."""
@@ -275,7 +276,7 @@ def solve_modes(
     tried = "is admissible" if len(law.names) <= _MOST else "that was tried is admissible"
     raise NumericalFailure(
         f"impact at t = {time:.12g} s: no combination of sliding, sticking and released contacts {tried} "
-        f"for {', '.join(law.names)}: the bodies are wedged, or driven together with nothing that gives way, and no "
+        f"for {in_words(law.names)}: the bodies are wedged, or driven together with nothing that gives way, and no "
         f"rigid motion goes on from here (with a compliance in one of the contacts it does), or restitution asks for "
         f"what the joints forbid{told}"
     )

@@ -19,7 +19,7 @@ per closed normal and per held direction; columns of normals contain the frictio
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -249,3 +249,16 @@ class ContactProblem:
     def acceleration(self, force: Array) -> Array:
         """Return ``free + G f``, shape (m,)."""
         return self.free + self.delassus @ force
+
+
+def in_words(names: Iterable[str]) -> str:
+    """List names once each, the parts of one contact together: contact 'floor[0, 3]', stop 'end'."""
+    parts: dict[str, dict[str, str]] = {}
+    for name in names:
+        owner, _, part = name.partition("[")
+        number, _, after = part.partition("]")
+        parts.setdefault(owner, {})[number] = after
+    return ", ".join(
+        f"{owner}[{', '.join(found)}]{next(iter(found.values()))}" if all(found) else owner
+        for owner, found in parts.items()
+    )

@@ -15,7 +15,7 @@ from consilience.reference.contact.cones import StickingMargin, admissible_force
 from consilience.reference.contact.headings import Headings
 from consilience.reference.contact.inclusion import residual
 from consilience.reference.contact.mode_system import RANK, ModeSolution, active, columns_and_rows
-from consilience.reference.contact.problem import ContactProblem, FrictionMode, Modes
+from consilience.reference.contact.problem import ContactProblem, FrictionMode, Modes, in_words
 from consilience.reference.contact.uniqueness import proven_unique
 
 VERIFIED = 1e-11
@@ -344,7 +344,7 @@ class ModeSearch:
                 f"and B = {self.problem.free[n]:.12g} m/s^2 has no solution; an impact without collision would have to "
                 "follow"
             )
-        names = ", ".join(dict.fromkeys(self.problem.names))
+        names = in_words(self.problem.names)
         if self.family is not None:
             return NumericalFailure(f"the laws of {names} allow several accelerations: {SHARE}")
         share = self._bearable()

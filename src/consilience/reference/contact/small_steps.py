@@ -26,7 +26,7 @@ from consilience.reference.contact.equations import ContactEquations
 from consilience.reference.contact.events import friction_margin
 from consilience.reference.contact.joint_friction import with_offsets
 from consilience.reference.contact.lasting import LastingContact, all_modes, telling_time
-from consilience.reference.contact.problem import ContactProblem, Modes
+from consilience.reference.contact.problem import ContactProblem, Modes, in_words
 from consilience.reference.contact.projections import PATIENT_SWEEPS, SWEEPS, friction_table, project_impulses
 from consilience.reference.contact.quiet_steps import STARTING, STILL
 from consilience.reference.contact.response import Response
@@ -137,7 +137,7 @@ class SmallSteps:
         self._count += 1
         if self._count > _MOST:
             raise NumericalFailure(
-                f"{', '.join(dict.fromkeys(names))}, t = {t:.12g} s: slips stop, start and turn {_MOST} times in "
+                f"{in_words(names)}, t = {t:.12g} s: slips stop, start and turn {_MOST} times in "
                 f"{_NEAR:.0e} of the motion, as where contacts of one body come to rest under compliance; end the "
                 "motion before, or let fewer of them have friction"
             )
