@@ -2,6 +2,7 @@
 
 import csv
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -28,6 +29,7 @@ def folder(tmp_path_factory):
     """Make a folder with a valid case, and its report of the reference and one engine, by a process of its own."""
     path = tmp_path_factory.mktemp("cli")
     (path / "pendulum.toml").write_text(GOOD)
+    (path / "taken.csv").mkdir()
     words = ("run", "pendulum.toml", "-e", "pinocchio", "-o", "report")
     command = [sys.executable, "-c", "from consilience.cli.main import main; main()", *words]
     done = subprocess.run(command, cwd=path, capture_output=True, text=True, check=False, timeout=600)
@@ -82,6 +84,11 @@ BAD = {
     "missing file": (["run", "no.toml"], "no.toml", "cannot be read"),
     "unknown profile": (["simulate", "pendulum.toml", "--profile", "defualt"], "defualt", "Nearest: default."),
     "bad file ending": (["simulate", "pendulum.toml", "-o", "x.xls"], "x.xls", ".npz"),
+    "folder for a file": (["simulate", "pendulum.toml", "-o", "taken.csv"], "taken.csv: it is a folder"),
+    "report below a file": (["run", "pendulum.toml", "-o", "pendulum.toml/r"], "pendulum.toml/r: it cannot be written"),
+    "table below a file": (["crosscheck", "-o", "pendulum.toml/t.md"], "t.md: it cannot be written"),
+    "table in no folder": (["coverage", "-o", "nowhere/t.md"], "nowhere/t.md: its folder does not exist"),
+    "values as a folder": (["values", "-o", "taken.csv"], "taken.csv: it is a folder"),
     "sample that does not divide": (
         ["simulate", "pendulum.toml", "-o", "x.csv", "--duration", "1", "--sample", "0.3"],
         "0.3 s",
@@ -101,6 +108,16 @@ def test_bad_input_is_one_message_exit_code_2_and_no_traceback(folder, name):
     assert "Traceback" not in done.stderr
     for text in expected:
         assert text in done.stderr
+
+
+def test_a_locale_without_unicode_ends_no_command(folder):
+    """The text drawing consists of braille signs, which ASCII lacks."""
+    command = [sys.executable, "-c", "from consilience.cli.main import main; main()", "show", "pendulum.toml"]
+    environment = os.environ | {"PYTHONIOENCODING": "ascii"}
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, check=False, timeout=600)
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert b"????" in done.stdout
+    assert b"gravity (0, 0, -9.81) m/s^2" in done.stdout
 
 
 def test_cases_that_cannot_be_read_cost_no_other_its_answer(folder):

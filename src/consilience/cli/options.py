@@ -201,10 +201,29 @@ def connect_cluster(address: str | None) -> AbstractContextManager[Cluster | Non
 
 
 def require_folder(path: Path, content: str) -> Path:
-    """Refuse a path that is a file where a folder for the content is asked for."""
+    """Refuse a path at which no folder for the content can be, before work that would be lost."""
     if path.exists() and not path.is_dir():
         raise InvalidInput(str(path), "it is a file", f"Give a folder for the {content}.")
+    _require_writable(next(above for above in (path, *path.absolute().parents) if above.exists()), path)
     return path
+
+
+def require_place(path: Path | None) -> None:
+    """Refuse a path at which no file can be written, before work that would be lost; None stands for no file."""
+    if path is None:
+        return
+    if path.is_dir():
+        raise InvalidInput(str(path), "it is a folder", "Give a file.")
+    if not path.absolute().parent.exists():
+        raise InvalidInput(str(path), "its folder does not exist", "Create the folder first.")
+    _require_writable(path if path.exists() else path.absolute().parent, path)
+
+
+def _require_writable(there: Path, path: Path) -> None:
+    if not there.is_dir() and there.absolute() != path.absolute():
+        raise InvalidInput(str(path), f"it cannot be written ({there} is a file)", "Choose another place.")
+    if not os.access(there, os.W_OK):
+        raise InvalidInput(str(path), f"it cannot be written ({there} is read-only)", "Choose another place.")
 
 
 @contextmanager

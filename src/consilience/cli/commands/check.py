@@ -21,6 +21,7 @@ from consilience.cli.options import (
     OutputFormat,
     chosen_cases,
     chosen_engines,
+    require_place,
 )
 from consilience.cli.terminal import print_missing, print_table, progress_bar, say
 from consilience.engine import Profile
@@ -41,6 +42,7 @@ def check(
     """Check each engine alone, without a reference, against identities that hold whatever the truth is."""
     if output is not None:
         tables.check_target(output)
+        require_place(output)
     engines, chosen = chosen_engines(engine), chosen_cases(cases)
     with progress_bar() as bar:
         task = bar.add_task("starting engines", total=len(chosen) * len(engines))

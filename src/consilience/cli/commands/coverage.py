@@ -7,7 +7,16 @@ from typing import Annotated
 
 import typer
 
-from consilience.cli.options import CaseNames, EngineNames, Form, OutputFormat, TablesFile, chosen_cases, chosen_engines
+from consilience.cli.options import (
+    CaseNames,
+    EngineNames,
+    Form,
+    OutputFormat,
+    TablesFile,
+    chosen_cases,
+    chosen_engines,
+    require_place,
+)
 
 
 def coverage(
@@ -24,6 +33,7 @@ def coverage(
     from consilience.cli.terminal import err, print_tables, write_json
     from consilience.suite import FULL, QUICK
 
+    require_place(output)
     chosen, found = chosen_cases(cases), []
     for name in chosen_engines(engine):
         for one in campaign.trials(chosen, name, QUICK if quick else FULL):

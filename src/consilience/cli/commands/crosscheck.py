@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from consilience.cli.options import CORES, Form, Jobs, OutputFormat, TablesFile
+from consilience.cli.options import CORES, Form, Jobs, OutputFormat, TablesFile, require_place
 
 
 def crosscheck(
@@ -22,6 +22,7 @@ def crosscheck(
     from consilience.audit.formulations.tables import report, summary
     from consilience.cli.terminal import print_tables, write_json
 
+    require_place(output)
     found = []
     for examination in campaign(range(seed, seed + mechanisms), states, jobs=jobs):
         found.append(examination)

@@ -19,6 +19,7 @@ from consilience.cli.options import (
     chosen_engines,
     chosen_profile,
     require_ending,
+    require_place,
     writing,
 )
 
@@ -69,6 +70,7 @@ def simulate(
 
     if output is not None:
         check_target(output)
+    require_place(output)
     if plot is not None:
         require_ending(plot, "plot", ".svg", ".pdf", ".png")
     chosen = load_case(case).with_span(duration, sample)
@@ -78,7 +80,8 @@ def simulate(
         answer, how = simulate_case(chosen, name, limit, method, asked)
         plots = [] if plot is None else _write_plots(chosen, name, plot, (answer, method, asked, limit))
     output = output or Path(f"{chosen.name}.json")
-    export_trajectory(chosen.mechanism, answer, output)
+    with writing(output):
+        export_trajectory(chosen.mechanism, answer, output)
     data = {"case": chosen.name, "engine": name, "how": how, "samples": len(answer.time), "file": str(output)}
     data |= {"plots": [str(target) for target in plots]} if plots else {}
     told = f"{chosen.name} on {name} ({how}): {len(answer.time)} samples in {output}"

@@ -12,7 +12,7 @@ import numpy as np
 import typer
 
 from consilience.case import Case
-from consilience.cli.options import CaseNames, Form, OutputFormat, chosen_cases
+from consilience.cli.options import CaseNames, Form, OutputFormat, chosen_cases, require_place
 from consilience.compare import markdown_table, spread_over_time
 from consilience.compare.instants import Instants
 from consilience.compare.published import Measured, measure_motion, measure_start
@@ -122,6 +122,7 @@ def values(
     form: Form = OutputFormat.TEXT,
 ) -> None:
     """Compare the reference with every expected value: closed forms, publications, independent computations."""
+    require_place(output)
     chosen = chosen_cases(cases)
     found = [one for case in chosen for one in found_values(case)]
     missed = [one for one in found if not one.met]
