@@ -6,11 +6,27 @@ from itertools import islice
 import numpy as np
 import pytest
 
+from consilience import simulate
 from consilience.audit.random_mechanisms import random_mechanism
 from consilience.compare.energies import energies_over_time
 from consilience.engine import TrajectoryAnswer
-from consilience.mechanism import drawing_state, kinetic_energy, potential_energy, random_states
+from consilience.mechanism import (
+    GROUND,
+    Body,
+    Frame,
+    Initial,
+    Joint,
+    JointSpring,
+    Mechanism,
+    Stop,
+    drawing_state,
+    initial_state,
+    kinetic_energy,
+    potential_energy,
+    random_states,
+)
 from consilience.mechanism.observables import load_potentials
+from consilience.report.curves import curve_sets
 
 SAMPLES = 12
 
@@ -42,3 +58,20 @@ def test_the_samples_have_loads_and_springs_of_both_kinds():
     assert any(m.springs for m in drawn)
     assert any(m.joint_springs for m in drawn)
     assert any(x.kind == "force" and x.frame == "world" for m in drawn for x in m.loads)
+
+
+@pytest.mark.parametrize("stops", [(), (Stop("end", "pin", "angle", upper=5.0, restitution=1.0),)])
+def test_a_spring_that_is_wound_beyond_half_a_turn_keeps_the_energy(stops):
+    """A wheel of 0.5 kg m^2 at 8 rad/s winds a spring of 1 N m/rad by 8 sqrt(0.5) = 5.66 rad, or to a stop at 5 rad."""
+    here = Frame(np.zeros(3), np.eye(3))
+    wheel = Body("wheel", 1.0, np.zeros(3), 0.5 * np.eye(3), here)
+    pin = Joint("pin", "revolute", GROUND, "wheel", here, here)
+    spring = JointSpring("spring", "pin", "angle", 1.0, 0.0, 0.0)
+    mechanism = Mechanism("wound", np.zeros(3), (wheel,), (pin,), joint_springs=(spring,), stops=stops)
+    start = initial_state(mechanism, Initial(rates={"pin": {"angle": 8.0}}))
+    motion = simulate(mechanism, start, np.linspace(0.0, 2.0, 21))
+    assert np.max(motion.coordinates("pin")) > 1.5 * np.pi
+    assert motion.energy()["total"] == pytest.approx(np.full(21, 16.0), rel=1e-10)
+    assert sum(energies_over_time(mechanism, motion, range(21))) == pytest.approx(np.full(21, 16.0), rel=1e-10)
+    (curves,) = curve_sets(mechanism, motion, ["energies"])
+    assert curves.values[:, -1] == pytest.approx(np.full(len(curves.time), 16.0), rel=1e-10)

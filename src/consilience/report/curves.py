@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from consilience.compare.energies import turned_springs
 from consilience.engine import TrajectoryAnswer
 from consilience.mechanism import (
     JOINT_KINDS,
@@ -24,7 +25,7 @@ from consilience.mechanism import (
     joint_coordinates,
     joint_rates,
     kinetic_energy,
-    potential_energy,
+    potential_energies,
     relative_motion,
 )
 from consilience.report.motion import largest_turn
@@ -167,8 +168,10 @@ def _of_bodies(field: str, unit: str) -> CurveKind:
 
 def _energies(mechanism: Mechanism, answer: TrajectoryAnswer, samples: Array) -> Array:
     states = [answer.state(int(k)) for k in samples]
-    parts = np.array([[kinetic_energy(mechanism, s), potential_energy(mechanism, s)] for s in states])
-    return np.column_stack([parts, parts.sum(axis=1)])
+    springs = turned_springs(mechanism, answer)[:, samples].T
+    kinetic = np.array([kinetic_energy(mechanism, state) for state in states])
+    potential = np.array([potential_energies(mechanism, *at) for at in zip(states, springs, strict=True)])
+    return np.column_stack([kinetic, potential, kinetic + potential])
 
 
 def _reaction_names(mechanism: Mechanism) -> list[CurveName]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from consilience.compare.energies import turned_springs
 from consilience.engine import TrajectoryAnswer
 from consilience.errors import InvalidInput, nearest
 from consilience.mechanism import (
@@ -19,7 +20,7 @@ from consilience.mechanism import (
     joint_coordinates,
     joint_rates,
     kinetic_energy,
-    potential_energy,
+    potential_energies,
     relative_motion,
 )
 from consilience.report.contact_values import OpenForces, open_forces
@@ -131,11 +132,13 @@ class Simulation(TrajectoryAnswer):
     def energy(self) -> dict[str, Array]:
         """Return kinetic, potential and total energy over time, J, each of shape (n_t,).
 
-        Without what springs of compliant contacts store.
+        Potential energy is that of gravity and springs, full turns of joint springs counted from the first sample on,
+        without what springs of compliant contacts store.
         """
         states = [self.state(k) for k in range(len(self.time))]
         kinetic = np.array([kinetic_energy(self.mechanism, s) for s in states])
-        potential = np.array([potential_energy(self.mechanism, s) for s in states])
+        springs = turned_springs(self.mechanism, self).T
+        potential = np.array([potential_energies(self.mechanism, *at) for at in zip(states, springs, strict=True)])
         return {"kinetic": kinetic, "potential": potential, "total": kinetic + potential}
 
     def open_forces(self) -> OpenForces:
