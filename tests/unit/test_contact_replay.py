@@ -20,7 +20,10 @@ from consilience.mechanism import (
     Joint,
     Mechanism,
     PointPlane,
+    SpherePlane,
+    SphereSphere,
     Stop,
+    initial_state,
     quaternion_from_rotation_vector,
     rotation_from_quaternion,
 )
@@ -244,3 +247,20 @@ def test_a_body_that_touches_at_points_is_drawn_to_these_points():
     R = rotation_from_quaternion(quaternion_from_rotation_vector(TURN))
     for corner in corners:
         assert np.min(np.linalg.norm(points - R @ corner, axis=1)) < 1e-12
+
+
+def test_the_figure_of_a_pendulum_reaches_the_sphere_at_its_end():
+    """The rod is 1 m long, its centre of mass half way; a ball that flies has no line from its centre."""
+    z, here = np.array([0.0, 0.0, 1.0]), Frame(np.zeros(3), np.eye(3))
+    rod, ball = (Body(name, 1.0, com, 0.1 * np.eye(3), here) for name, com in (("rod", -0.5 * z), ("ball", 0.0 * z)))
+    pin, flight = (
+        Joint("pin", "revolute", GROUND, "rod", here, here),
+        Joint("flight", "free", GROUND, "ball", here, here),
+    )
+    tip = SpherePlane("tip", "rod", -z, 0.1, GROUND, -2.0 * z, z)
+    for contact in (tip, SphereSphere("tip", "ball", np.zeros(3), 0.1, "rod", -z, 0.1)):
+        mechanism = Mechanism("pair", -9.81 * z, (rod, ball), (pin, flight), contacts=(contact,))
+        drawn = figure_of(mechanism, initial_state(mechanism))
+        (line,) = [line.points for line in drawn.lines if line.kind == "body" and line.body == 0]
+        assert line == pytest.approx(np.array([0.0 * z, -z]), abs=1e-12)
+        assert not [line for line in drawn.lines if line.kind == "body" and line.body == 1]

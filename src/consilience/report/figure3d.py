@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import string
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -14,6 +14,8 @@ from consilience.mechanism import (
     Array,
     Mechanism,
     PointPlane,
+    SpherePlane,
+    SphereSphere,
     State,
     body_point,
     centres_of_mass,
@@ -114,9 +116,8 @@ def figure_of(mechanism: Mechanism, state: State) -> Figure3D:
         ground = GROUND in (joint.predecessor, joint.successor)
         place, carrier = (second, joint.successor) if joint.kind == "free" else (first, joint.predecessor)
         joints.append(PlaceLabel(letter, joint.name, joint.kind, place, axis, ground, index_of(mechanism, carrier)))
-    for contact in mechanism.contacts:
-        if isinstance(contact, PointPlane) and contact.body != GROUND:
-            ends[contact.body].append(body_point(mechanism, state, contact.body, contact.corner)[0])
+    for name, point in _touching_points(mechanism, {name for name, found in ends.items() if found}):
+        ends[name].append(body_point(mechanism, state, name, point)[0])
     centers = centres_of_mass(mechanism, state)[0]
     bodies = [
         PlaceLabel(BODY_MARKS[i] if i < len(BODY_MARKS) else "", body.name, "body", centers[i], body=i)
@@ -132,6 +133,17 @@ def figure_of(mechanism: Mechanism, state: State) -> Figure3D:
         if not own and body.name not in shaped:
             lines += _disc(mechanism, state, i, centers[i])
     return Figure3D((*lines, *_other_lines(mechanism, state)), tuple(joints), tuple(bodies), mechanism.gravity)
+
+
+def _touching_points(mechanism: Mechanism, jointed: Collection[str]) -> Iterator[tuple[str, Array]]:
+    """List bodies and points on them that touch: corners, and centres of spheres that a body with joints carries."""
+    for contact in mechanism.contacts:
+        if isinstance(contact, PointPlane) and contact.body != GROUND:
+            yield contact.body, contact.corner
+        if isinstance(contact, SpherePlane | SphereSphere) and contact.body in jointed:
+            yield contact.body, contact.center
+        if isinstance(contact, SphereSphere) and contact.partner in jointed:
+            yield contact.partner, contact.partner_center
 
 
 def index_of(mechanism: Mechanism, body: str) -> int:
