@@ -29,6 +29,7 @@ from consilience.mechanism import (
     mass_matrix,
     reaction_map,
     relative_motion,
+    with_full_turns,
     world_inertias,
 )
 
@@ -37,8 +38,6 @@ _TURN = 2.0 * np.pi
 
 def unwrapped(mechanism: Mechanism, motion: TrajectoryAnswer, joint: Joint, coordinate: str, n: int) -> float:
     """Return a joint coordinate at sample n; an angle is continuous along the motion, from (-pi, pi] at its start.
-
-    From one sample to the next an angle is taken nearest to the one that the mean of both rates leads to.
 
     Parameters
     ----------
@@ -54,17 +53,13 @@ def unwrapped(mechanism: Mechanism, motion: TrajectoryAnswer, joint: Joint, coor
     -------
     float, m or rad
     """
-    turning = coordinate.startswith("angle") and not joint.pitch
-    value, rate = 0.0, 0.0
-    for k in range(0 if turning else n, n + 1):
-        relative = relative_motion(mechanism, motion.state(k), joint)
-        found = float(joint_coordinates(joint, relative)[coordinate])
-        new_rate = float(joint_rates(joint, relative)[coordinate])
-        if turning and k:
-            guess = value + 0.5 * (rate + new_rate) * float(motion.time[k] - motion.time[k - 1])
-            found += _TURN * round((guess - found) / _TURN)
-        value, rate = found, new_rate
-    return value
+    if not coordinate.startswith("angle") or joint.pitch:
+        return float(joint_coordinates(joint, relative_motion(mechanism, motion.state(n), joint))[coordinate])
+    samples = [relative_motion(mechanism, motion.state(k), joint) for k in range(n + 1)]
+    angle, rate = (
+        np.array([told(joint, one)[coordinate] for one in samples]) for told in (joint_coordinates, joint_rates)
+    )
+    return float(with_full_turns(angle, rate, motion.time[: n + 1])[-1])
 
 
 def later_equations(mechanism: Mechanism, motion: TrajectoryAnswer, n: int) -> dict[str, Array]:

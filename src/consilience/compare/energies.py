@@ -11,11 +11,12 @@ from consilience.mechanism import (
     Array,
     Mechanism,
     State,
-    joint_spring_coordinates,
+    joint_spring_motion,
     kinetic_energies,
     load_potentials,
     potential_energies,
     rotation_from_quaternion,
+    with_full_turns,
 )
 from consilience.mechanism.observables import SampledMotion
 
@@ -32,15 +33,16 @@ def energies_over_time(mechanism: Mechanism, answer: TrajectoryAnswer, samples: 
 
 
 def turned_springs(mechanism: Mechanism, answer: TrajectoryAnswer) -> Array:
-    """Return the coordinates of all joint springs at all samples, shape (n_joint_springs, n_t).
-
-    Full turns are counted from the first sample on, as long as none is hidden between two samples.
-    """
+    """Return the coordinates of all joint springs at all samples, shape (n_joint_springs, n_t), with full turns."""
     if not mechanism.joint_springs:
         return np.zeros((0, len(answer.time)))
     quat = answer.quat_WB / np.linalg.norm(answer.quat_WB, axis=-1, keepdims=True)
     samples = zip(answer.p_WB, quat, answer.v_WB_W, answer.w_WB_W, strict=True)
-    q = np.array([joint_spring_coordinates(mechanism, State(*sample)) for sample in samples]).T
-    angular = [spring.coordinate == "angle" for spring in mechanism.joint_springs]
-    q[angular] = np.unwrap(q[angular])
+    of_springs = [(spring.joint, spring.coordinate) for spring in mechanism.joint_springs]
+    states = [State(*sample) for sample in samples]
+    found = np.array([[joint_spring_motion(mechanism, state, *one) for state in states] for one in of_springs])
+    q, rates = found[..., 0], found[..., 1]
+    pitches = {joint.name: joint.pitch for joint in mechanism.joints}
+    turning = [c.startswith("angle") and not pitches[joint] for joint, c in of_springs]
+    q[turning] = with_full_turns(q[turning], rates[turning], answer.time)
     return q

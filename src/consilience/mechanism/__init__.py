@@ -107,6 +107,7 @@ from consilience.mechanism.observables import (
     potential_energies,
     potential_energy,
     reaction_map,
+    with_full_turns,
     world_inertias,
 )
 from consilience.mechanism.parameter_effects import ParameterEffects
@@ -333,6 +334,7 @@ __all__ = [
     "to_elementary_tree",
     "turning_rate",
     "velocity_sizes",
+    "with_full_turns",
     "world_inertias",
     "worst_condition",
 ]

@@ -100,6 +100,22 @@ def joint_spring_motion(mechanism: Mechanism, state: State, joint: str, coordina
     return float(joint_coordinates(target, motion)[coordinate]), float(joint_rates(target, motion)[coordinate])
 
 
+def with_full_turns(angle: Array, rate: Array, time: Array) -> Array:
+    """Return an angle over time with full turns counted from the first sample on, shape (..., n_t).
+
+    From one sample to the next the angle is taken nearest to the one that the mean of both rates leads to: of a wheel
+    that turns by more than half a turn between two samples the least way would be the wrong one.
+
+    Parameters
+    ----------
+    angle, rate : ndarray, shape (..., n_t), rad and rad/s
+    time : ndarray, shape (n_t,), s
+    """
+    ahead = 0.5 * (rate[..., 1:] + rate[..., :-1]) * np.diff(time)
+    hidden = 2.0 * np.pi * np.round((ahead - np.diff(angle)) / (2.0 * np.pi))
+    return np.asarray(angle + np.concatenate([np.zeros_like(angle[..., :1]), np.cumsum(hidden, axis=-1)], axis=-1))
+
+
 def kinetic_energies(mechanism: Mechanism, motion: BodyMotion) -> Array:
     """Return ``T = sum m v.v / 2 + w.I w / 2``, v of the centres of mass, shape (...), in J."""
     _, v = centres_of_mass(mechanism, motion)

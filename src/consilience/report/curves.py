@@ -20,13 +20,16 @@ from consilience.engine import TrajectoryAnswer
 from consilience.mechanism import (
     JOINT_KINDS,
     Array,
+    Joint,
     Mechanism,
+    RelativeMotion,
     characteristic_length,
     joint_coordinates,
     joint_rates,
     kinetic_energy,
     potential_energies,
     relative_motion,
+    with_full_turns,
 )
 from consilience.report.motion import largest_turn
 from consilience.report.reactions import can_be_told, reactions_over_time
@@ -134,27 +137,42 @@ class CurveKind(NamedTuple):
 
 def _of_joints(rate: str) -> CurveKind:
     """Return the kind of joint coordinates, or with the unit suffix of a rate, of their rates."""
-    told = joint_rates if rate else joint_coordinates
 
     def names(mechanism: Mechanism) -> list[CurveName]:
-        own = [(j, c) for j in mechanism.joints for c in JOINT_KINDS[j.kind].coordinates if c in UNITS]
-        return [
-            CurveName(f"{j.name}: {c}", label, UNITS[c] + rate)
-            for j, c in own
-            for label in (_XYZ if c == "position" else (c,))
-        ]
+        return [CurveName(f"{j.name}: {c}", label, UNITS[c] + rate) for j, c, label in _scalars(mechanism)]
 
-    def values(mechanism: Mechanism, answer: TrajectoryAnswer, samples: Array) -> Array:
-        found = []
-        for state in (answer.state(int(k)) for k in samples):
-            row: list[Any] = []
-            for joint in mechanism.joints:
-                known = told(joint, relative_motion(mechanism, state, joint))
-                row += [np.ravel(known[c]) for c in JOINT_KINDS[joint.kind].coordinates if c in UNITS]
-            found.append(np.concatenate(row))
-        return np.array(found)
+    return CurveKind(names, partial(_told, joint_rates) if rate else _coordinates)
 
-    return CurveKind(names, values)
+
+def _scalars(mechanism: Mechanism) -> list[tuple[Joint, str, str]]:
+    """Return the joints, names of coordinates and labels of all scalar joint coordinates."""
+    own = [(j, c) for j in mechanism.joints for c in JOINT_KINDS[j.kind].coordinates if c in UNITS]
+    return [(j, c, label) for j, c in own for label in (_XYZ if c == "position" else (c,))]
+
+
+def _told(
+    told: Callable[[Joint, RelativeMotion], dict[str, Array]],
+    mechanism: Mechanism,
+    answer: TrajectoryAnswer,
+    samples: Array,
+) -> Array:
+    """Return what a function of joint and relative motion tells of all scalar coordinates, a row for each sample."""
+    found = []
+    for state in (answer.state(int(k)) for k in samples):
+        row: list[Any] = []
+        for joint in mechanism.joints:
+            known = told(joint, relative_motion(mechanism, state, joint))
+            row += [np.ravel(known[c]) for c in JOINT_KINDS[joint.kind].coordinates if c in UNITS]
+        found.append(np.concatenate(row))
+    return np.array(found)
+
+
+def _coordinates(mechanism: Mechanism, answer: TrajectoryAnswer, samples: Array) -> Array:
+    """Return the joint coordinates, full turns counted, a row for each sample."""
+    found, rates = (_told(told, mechanism, answer, samples) for told in (joint_coordinates, joint_rates))
+    turning = np.array([c.startswith("angle") and not j.pitch for j, c, _ in _scalars(mechanism)], dtype=bool)
+    found[:, turning] = with_full_turns(found[:, turning].T, rates[:, turning].T, answer.time[samples]).T
+    return found
 
 
 def _of_bodies(field: str, unit: str) -> CurveKind:
@@ -315,15 +333,12 @@ def _change(values: Array, coarse: Array) -> Array:
 
 
 def _drawable(found: CurveSet, length: float) -> Iterator[CurveSet]:
-    """Leave out curves that are not numbers, put rounding to zero, count full turns, and drop samples on lines."""
+    """Leave out curves that are not numbers, put rounding to zero, and drop samples on lines."""
     own = np.asarray(np.isfinite(found.values).all(axis=0))
     if not own.any():
         return
     names = tuple(name for name, kept in zip(found.names, own.tolist(), strict=True) if kept)
     values, change = found.values[:, own], found.open[own]
-    if found.what == "coordinates":
-        turning = [n.label.startswith("angle") for n in names]
-        values[:, turning] = np.unwrap(values[:, turning], axis=0)
     values = np.where(_rounding(names, length, values), 0.0, values)
     kept = thinned(found.time, values)
     yield CurveSet(found.what, names, found.time[kept], values[kept], change, found.panels)

@@ -22,6 +22,7 @@ from consilience.mechanism import (
     kinetic_energy,
     potential_energies,
     relative_motion,
+    with_full_turns,
 )
 from consilience.report.contact_values import OpenForces, open_forces
 from consilience.report.curves import KINDS, curve_sets
@@ -102,7 +103,8 @@ class Simulation(TrajectoryAnswer):
         found, name = self._coordinate(joint, coordinate)
         states = [self.state(k) for k in range(len(self.time))]
         values = np.array([joint_coordinates(found, relative_motion(self.mechanism, s, found))[name] for s in states])
-        return np.unwrap(values) if name.startswith("angle") else values
+        turns = name.startswith("angle") and not found.pitch  # a screw tells its turns by its distance
+        return with_full_turns(values, self.rates(joint, coordinate), self.time) if turns else values
 
     def rates(self, joint: str, coordinate: str | None = None) -> Array:
         """Return the rate of a joint coordinate over time; of an orientation the angular velocity in axes of F.

@@ -14,7 +14,15 @@ import numpy as np
 from consilience.case import Case
 from consilience.engine import TrajectoryAnswer
 from consilience.errors import InvalidInput, nearest
-from consilience.mechanism import GROUND, JOINT_KINDS, Array, Frame, Mechanism, rotation_from_quaternion
+from consilience.mechanism import (
+    GROUND,
+    JOINT_KINDS,
+    Array,
+    Frame,
+    Mechanism,
+    rotation_from_quaternion,
+    with_full_turns,
+)
 from consilience.report.dataframes import QUANTITIES, many_to_xarray
 from consilience.report.exports.studyplot import Panel, study_figure
 from consilience.report.simulation import Simulation
@@ -195,8 +203,18 @@ class Study:
         if joints[0].kind == "screw":
             return np.asarray(2.0 * np.pi * p[..., 2] / np.array([[joint.pitch] for joint in joints]))
         R = np.swapaxes(R_F, -1, -2) @ R_M
-        tangent = (R[..., 2, 1], R[..., 2, 2]) if coordinate == "angle2" else (R[..., 1, 0], R[..., 0, 0])
-        return np.unwrap(np.arctan2(*tangent), axis=-1)
+        w = np.einsum("...ji,...j->...i", R_F, self._spin(joints[0].successor) - self._spin(joints[0].predecessor))
+        if coordinate == "angle2":
+            angle, rate = np.arctan2(R[..., 2, 1], R[..., 2, 2]), np.einsum("...i,...i->...", R[..., 0], w)
+        else:
+            angle, rate = np.arctan2(R[..., 1, 0], R[..., 0, 0]), w[..., 2]
+        return with_full_turns(angle, rate, self.time)
+
+    def _spin(self, body: str) -> Array:
+        """Return the angular velocity of a body of each set in world axes, (n, n_t, 3); zero of the ground."""
+        if body == GROUND:
+            return np.zeros(3)
+        return np.asarray(self.arrays["w_WB_W"][:, :, self.case.mechanism.body_index[body]])
 
     def _frames(self, body: str, frames: Sequence[Frame]) -> tuple[Array, Array]:
         """Return origins and axes of a frame on a body of each set in the world, (n, n_t, 3) and (n, n_t, 3, 3)."""
