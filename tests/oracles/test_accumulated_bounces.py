@@ -209,7 +209,7 @@ def test_corners_that_share_an_impact_and_slide_in_different_directions_end_the_
     )
     body = replace(mechanism.bodies[0], com=np.array([-0.01258576, -0.00976012, -0.01426627]))
     with pytest.raises(
-        NumericalFailure, match=r"impact of .*floor\[6\] at t = 0.44210732.* slide in different directions"
+        NumericalFailure, match=r"impact of floor\[0, 2, 4, 6\] at t = 0.44210732.* slide in different directions"
     ):
         simulate_with_contacts(replace(mechanism, bodies=(body,)), start, np.linspace(0.0, 0.45, 16), 1e-10)
 

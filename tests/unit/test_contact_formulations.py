@@ -97,6 +97,13 @@ def test_what_breaks_away_without_acceleration_is_asked_for_headings_near_those_
         simulate_with_contacts(*random_contacts(380), TIMES, tolerance, "moreau")
 
 
+def test_wedged_contacts_that_may_slip_apart_are_told():
+    """Contacts of three hinged bodies hold one another by any forces; time stepping slips them from the start."""
+    case = specimen(55160, contacts=True).case
+    with pytest.raises(NumericalFailure, match=r"t = 0 s: .* several accelerations"):
+        simulate_with_contacts(case.mechanism, case.initial_state, case.times, 1e-9)
+
+
 def test_rows_that_depend_on_one_another_are_told_where_no_modes_are_consistent():
     """What two contacts hold from both sides is pressed into both."""
     wedged = ContactProblem(np.array([[1.0, -1.0], [-1.0, 1.0]]), np.array([-1.0, -1.0]), ("a", "b"), (0, 1))

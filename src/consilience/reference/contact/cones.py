@@ -44,12 +44,15 @@ class StickingMargin:
         Force N of each closed normal row; infinite for the others.
     of_friction : ndarray, shape (n_f,)
         Margin of each friction set with held directions; infinite for the others.
+    wedged : bool
+        Whether contacts can hold one another with forces without bound.
     """
 
     value: float
     force: Array
     of_normal: Array
     of_friction: Array
+    wedged: bool
 
 
 class _Cones:
@@ -113,8 +116,8 @@ def sticking_margin(problem: ContactProblem, modes: Modes, solution: ModeSolutio
     """Return the margin of given modes over all forces that satisfy their equations."""
     solved = solve_with_modes(problem, modes) if solution is None else solution
     cones = _Cones(problem, modes)
-    force = solved.force
-    if solved.undetermined.shape[1] and len(cones.t):
+    force, is_open = solved.force, bool(solved.undetermined.shape[1] and len(cones.t))
+    if is_open:
         force = _widest(cones, solved)
     slack = cones.slack(force)
     of_normal, of_friction = np.full(len(problem.normals), np.inf), np.full(len(problem.friction), np.inf)
@@ -123,7 +126,9 @@ def sticking_margin(problem: ContactProblem, modes: Modes, solution: ModeSolutio
             of_normal[i] = min(of_normal[i], value)
         else:
             of_friction[j] = min(of_friction[j], value)
-    return StickingMargin(float(np.min(slack, initial=np.inf)), force, of_normal, of_friction)
+    value = float(np.min(slack, initial=np.inf))
+    wedged = is_open and value > _unit_of(solved, cones)  # more than what acts from outside gives
+    return StickingMargin(value, force, of_normal, of_friction, wedged)
 
 
 def admissible_force(

@@ -93,6 +93,8 @@ class ModeSearch:
         if self.unique:
             return found, (), True
         others: list[ModeSolution] = []
+        # contacts that are wedged hold whatever acts on them, and may slip apart as well
+        exhaustive = exhaustive or bool(found.undetermined.shape[1] and self._margin(found).wedged)
         all_tried = exhaustive and candidates.count(self.problem) <= _MOST
         for one in self.all() if all_tried else self._elsewhere(found):
             if self._sticks_rather(one, found):
