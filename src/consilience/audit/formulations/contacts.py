@@ -105,6 +105,7 @@ def compare(seed: int) -> ContactComparison:
     mechanism, start = random_contacts(seed)
 
     def solve(state: State, steps: int) -> TrajectoryAnswer | SteppedMotion:
+        """Solve the motion from a state, by time stepping where there are steps."""
         if steps:
             return step_with_contacts(mechanism, state, TIMES, steps)
         return simulate_with_contacts(mechanism, state, TIMES, TOLERANCE, "moreau")[0]

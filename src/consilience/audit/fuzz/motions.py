@@ -8,7 +8,6 @@ are unresolved.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 
 from consilience.audit.formulations.contacts import OPEN, REASONS, TOLERANCE, compare_motions, reason_of
 from consilience.audit.fuzz.judging import JudgedComparison, kind_of
@@ -18,7 +17,7 @@ from consilience.compare import Comparison, Verdict
 from consilience.compare.judge import REFERENCE, judge_case, reference_motion
 from consilience.compare.result import digits_of
 from consilience.engine import Method, Profile, Question, Route, Run, TrajectoryAnswer
-from consilience.engine.worker.client import EngineHandle, Worker
+from consilience.engine.worker.client import EngineHandle, Worker, with_each
 from consilience.engine.worker.requests import Request
 from consilience.errors import NumericalFailure
 from consilience.mechanism import ContactLaw, State, characteristic_length
@@ -43,14 +42,7 @@ def judge_motions(cases: Sequence[Case], engines: Mapping[str, Worker]) -> list[
     engines : mapping of name to Worker
         The reference among them.
     """
-    with ThreadPoolExecutor(max(1, len(cases))) as pool:
-        try:
-            return list(pool.map(lambda case: _of_case(case, engines), cases))
-        except BaseException:  # Ctrl-C above all: no engine may go on working
-            pool.shutdown(wait=False, cancel_futures=True)
-            for engine in engines.values():
-                engine.cancel()
-            raise
+    return with_each(lambda case: _of_case(case, engines), cases, engines.values(), len(cases))
 
 
 def _of_case(case: Case, engines: Mapping[str, Worker]) -> list[JudgedComparison]:
@@ -70,6 +62,7 @@ def compare_formulations(case: Case, reference: EngineHandle) -> JudgedCompariso
     mechanism = with_law(case.mechanism, ContactLaw(impact_law="moreau"))
 
     def solve(state: State, steps: int) -> TrajectoryAnswer:
+        """Ask for the motion from a state, by time stepping where there are steps."""
         method, step = (TIME_STEPPING, case.sample / steps) if steps else (_EVENTS, TOLERANCE)
         reply = reference.ask(Request(mechanism, Question.TRAJECTORY, method, [state], case.times, step))
         if isinstance(reply.value, TrajectoryAnswer):

@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from queue import SimpleQueue
@@ -35,8 +35,10 @@ __all__ = [
     "WorkerHandle",
     "in_parallel",
     "replayable_job",
+    "with_each",
 ]
 
+_S = TypeVar("_S")
 _T = TypeVar("_T")
 
 _LOG = logging.getLogger(__name__)
@@ -371,28 +373,22 @@ def _sound(message: Message) -> bool:
 _REPLY = {"kind", "reason", "strays", "value"}
 
 
+def with_each(work: Callable[[_S], _T], subjects: Sequence[_S], workers: Iterable[Worker], jobs: int) -> list[_T]:
+    """Call a function with each subject, `jobs` at a time, in threads; an exception in one call cancels all workers."""
+    with ThreadPoolExecutor(max_workers=max(1, jobs)) as pool:
+        try:
+            return list(pool.map(work, subjects))
+        except BaseException:  # Ctrl-C above all: no engine may go on working
+            pool.shutdown(wait=False, cancel_futures=True)
+            for worker in workers:
+                worker.cancel()
+            raise
+
+
 def in_parallel(work: Callable[[Worker], _T], workers: Sequence[Worker], jobs: int) -> list[_T]:
-    """Call a function with each worker, `jobs` at a time; an exception in one call ends all, and every worker stops.
-
-    Parameters
-    ----------
-    work : callable
-        Called with a worker, in a thread.
-
-    Returns
-    -------
-    list
-        Returned values in the order of the workers.
-    """
+    """Call a function with each worker as `with_each` does, and stop all workers at the end."""
     try:
-        with ThreadPoolExecutor(max_workers=max(1, jobs)) as pool:
-            try:
-                return list(pool.map(work, workers))
-            except BaseException:  # Ctrl-C above all: no engine may go on working
-                pool.shutdown(wait=False, cancel_futures=True)
-                for worker in workers:
-                    worker.cancel()
-                raise
+        return with_each(work, workers, workers, jobs)
     finally:
         for worker in workers:
             worker.stop()

@@ -45,7 +45,8 @@ class StickingMargin:
     of_friction : ndarray, shape (n_f,)
         Margin of each friction set with held directions; infinite for the others.
     wedged : bool
-        Whether contacts can hold one another with forces without bound.
+        Whether forces that are open keep a wider margin than the forces of least norm are large, as where contacts hold
+        one another with forces without bound.
     """
 
     value: float
@@ -127,7 +128,7 @@ def sticking_margin(problem: ContactProblem, modes: Modes, solution: ModeSolutio
         else:
             of_friction[j] = min(of_friction[j], value)
     value = float(np.min(slack, initial=np.inf))
-    wedged = is_open and value > _unit_of(solved, cones)  # more than what acts from outside gives
+    wedged = is_open and value > _unit_of(solved, cones)
     return StickingMargin(value, force, of_normal, of_friction, wedged)
 
 
