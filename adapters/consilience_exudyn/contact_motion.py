@@ -2,7 +2,8 @@
 
 Explicit integrators take no constraints: bodies are free, or links of a kinematic tree. The numbers of contacts follow
 the step (`contact_numbers`). Below its zone friction is stiff, beyond a bound of the normal force the method unstable:
-the motion is repeated with a larger bound.
+the motion is repeated with a larger bound. What seems to hit a contact that rests may be its damping, where the contact
+sees less inertia as its body turns: the motion is repeated with numbers for any attitude first.
 """
 
 from __future__ import annotations
@@ -15,7 +16,15 @@ import numpy as np
 
 from consilience.engine import TrajectoryAnswer, require_stable, steps_per_sample
 from consilience.mechanism import Array, Mechanism, State, continuous_in_time, quaternion_from_rotation
-from consilience_exudyn.contact_numbers import LINEAR, RIGID, Step, contacts_at_start, penalties_of, refuse_late_hit
+from consilience_exudyn.contact_numbers import (
+    LINEAR,
+    RIGID,
+    Step,
+    contacts_at_start,
+    late_hits,
+    penalties_of,
+    refuse_late_hits,
+)
 from consilience_exudyn.contact_rows import coordinate_row, mobility
 from consilience_exudyn.contact_samples import room_ahead, room_taken, with_contacts
 from consilience_exudyn.contacts import Penalty, add_contact, add_dry_friction, add_limit, limits_of, parts_of
@@ -96,7 +105,7 @@ def _bounded_motion(
     mechanism: Mechanism, state: State, times: Array, at: Step, least: Sequence[float]
 ) -> tuple[TrajectoryAnswer, list[float]]:
     """Return a motion and the bounds of its normal forces, which are no less than `least`, if that is known."""
-    seen = contacts_at_start(mechanism, state)
+    seen, turning = contacts_at_start(mechanism, state), False
     bounds = [max(one.bound(at), known) for one, known in zip(seen, least or [0.0] * len(seen), strict=True)]
     for _ in range(_ATTEMPTS):
         penalties = penalties_of(seen, bounds, at)
@@ -109,7 +118,11 @@ def _bounded_motion(
         largest = np.max(np.linalg.norm(forces, axis=2), axis=0, initial=0.0)
         if np.all(largest <= _STABLE * np.array(bounds)):
             return with_contacts(mechanism, answer, forces, penalties, 1.0 / (at.step * np.sqrt(at.stiffness))), bounds
-        refuse_late_hit(seen, largest)
+        hits = late_hits(seen, largest)
+        if hits and not turning:
+            seen, turning = contacts_at_start(mechanism, state, turning=True), True
+            continue
+        refuse_late_hits(hits)
         bounds = [max(b, 1.2 * f) for b, f in zip(bounds, largest, strict=True)]
     raise RuntimeError(
         f"forces exceed {max(bounds):.3g} N, or the motion diverges: steps of {at.step:g} s are too long"

@@ -1,7 +1,8 @@
 """Numbers of contact objects, which follow the step of a motion.
 
 Stiffness, damping and the zone of friction follow the step h, so that contacts become rigid and friction Coulomb's as h
-vanishes. With the inverse inertia A that a contact sees together with all others:
+vanishes. With the inverse inertia A that a contact sees together with all others, at the start, or where it turns out
+too small, the largest in any direction of the normals:
 
 =======================  ======================================================================================
 closed, no restitution   stiffness ``1 / (h^2 A)`` in motions that are extrapolated, else ``50 / (h s A)``, s the
@@ -190,12 +191,15 @@ def penalties_of(seen: Sequence[Seen], bounds: Sequence[float], at: Step) -> lis
     ]
 
 
-def refuse_late_hit(seen: Sequence[Seen], largest: Array) -> None:
+def late_hits(seen: Sequence[Seen], largest: Array) -> list[tuple[Seen, float]]:
+    """Return what is closed at the start, and hits later, with its force: or its numbers were unstable."""
+    least = _HITS * max(max((one.normal for one in seen), default=0.0), 1e-9)
+    return [(one, float(force)) for one, force in zip(seen, largest, strict=True) if one.speed == 0.0 and force > least]
+
+
+def refuse_late_hits(hits: Sequence[tuple[Seen, float]]) -> None:
     """Refuse a contact with friction or restitution that rests at the start, and is hit later."""
-    loaded = max((one.normal for one in seen), default=0.0)
-    for one, force in zip(seen, largest, strict=True):
-        if one.speed > 0.0 or force <= _HITS * max(loaded, 1e-9):
-            continue
+    for one, force in hits:
         what = f"contact '{one.row.part.name}', closed at the start, hits later with {force:.3g} N"
         if one.row.part.friction > 0.0:
             raise CannotRepresent(what, "the zone in which its friction is proportional would not vanish with the step")
@@ -203,16 +207,15 @@ def refuse_late_hit(seen: Sequence[Seen], largest: Array) -> None:
             raise CannotRepresent(what, "Exudyn's restitution begins with the speed of an impact, and it rests at none")
 
 
-def contacts_at_start(mechanism: Mechanism, state: State) -> list[Seen]:
-    """Return all elementary contacts as they are at the start."""
+def contacts_at_start(mechanism: Mechanism, state: State, turning: bool = False) -> list[Seen]:
+    """Return all elementary contacts as they are at the start; `turning`: with the largest A as the bodies turn."""
     rows = [contact_row(mechanism, state, part, number) for number, part in parts_of(mechanism)]
     if not rows:
         return []
     W, slack = mobility(mechanism, state), TOUCHING * characteristic_length(mechanism)
-    normals = np.array([row.normal @ row.J for row in rows])
-    A = np.abs(normals @ W @ normals.T).sum(axis=1)
-    tangents = [row.J - np.outer(row.normal, row.normal @ row.J) for row in rows]
-    G = np.array([[float(np.linalg.norm(one @ W @ two.T, 2)) for two in tangents] for one in tangents])
+    pushed = [row.J if turning else (row.normal @ row.J)[None] for row in rows]
+    A = _coupled(W, pushed).sum(axis=1)
+    G = _coupled(W, [row.J - np.outer(row.normal, row.normal @ row.J) for row in rows])
     forces, opens = _at_start(mechanism, state, rows)
     found, pull = [], float(np.linalg.norm(mechanism.gravity))
     for row, a, g, normal, open_ in zip(rows, A, G, forces, opens, strict=True):
@@ -222,6 +225,11 @@ def contacts_at_start(mechanism: Mechanism, state: State) -> list[Seen]:
         load = max(forces) if open_ and row.gap <= slack and row.part.restitution == 0.0 else 0.0
         found.append(Seen(row, float(a), g, normal, max(speed, 1e-3) if hits else 0.0, load))
     return found
+
+
+def _coupled(W: Array, rows: Sequence[Array]) -> Array:
+    """Return the largest inverse inertias by which all contacts, with rows (k, 6 n_b), move each, shape (n, n)."""
+    return np.array([[float(np.linalg.norm(one @ W @ two.T, 2)) for two in rows] for one in rows])
 
 
 def _at_start(mechanism: Mechanism, state: State, rows: Sequence[TouchRow]) -> tuple[list[float], list[bool]]:
