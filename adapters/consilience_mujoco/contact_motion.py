@@ -1,9 +1,10 @@
 """Motions with contacts, stops and dry friction: gains that follow the step, and what is read at every step.
 
-A contact with friction is a spring and damper between the bodies, far softer than they (`SOFT`), whose friction is far
-harder (impratio): friction then is Coulomb's on a circle, and does not push the bodies apart. Contacts without
-friction, stops and dry friction are hard (`HARD`): MuJoCo gives them ``a = -k r - b v`` whatever the mass. The gains
-follow the step h, with a relaxation time T:
+A contact without restitution is a spring and damper between the bodies, far softer than they (`SOFT`), whose friction
+is far harder (impratio): friction then is Coulomb's on a circle, and does not push the bodies apart. The load keeps it
+closed where its place curves within a step; a hard one would hop. Contacts with restitution, stops and dry friction are
+hard (`HARD`): MuJoCo gives them ``a = -k r - b v`` whatever the mass. The gains follow the step h, with a relaxation
+time T:
 
 ==========================  ================================================================
 friction, dry friction      ``b = 1 / h``
@@ -94,13 +95,13 @@ def set_gains(translation: Translation, state: State, interval: float, softness:
     slow = damping, damping / (RELAXATION * interval)
     model.pair_margin[:] = model.jnt_margin[:] = 0.0
     for touch, A in zip(t.touches, inertia, strict=True):
-        rough = touch.part.friction > 0.0
-        ratio = SOFT if rough else HARD
+        presses = touch.part.restitution == 0.0
+        ratio = SOFT if presses else HARD
         set_inverse_inertia(model, touch, ratio * A)
         b, k = _gains(touch.part.restitution, slow, BOUNCE / softness**2)
-        model.pair_solref[touch.pair] = _solref(k, b, ratio if rough else 1.0)
+        model.pair_solref[touch.pair] = _solref(k, b, ratio if presses else 1.0)
         model.pair_solreffriction[touch.pair] = _solref(0.0, _SLIDING / step, 1.0)
-        if rough:  # the overlap under the force at the start is at a gap of zero
+        if presses:  # the overlap under the force at the start is at a gap of zero
             model.pair_margin[touch.pair] = normal.get(touch.pair, 0.0) * A / k
     for limit in t.limits:
         slow = damping, damping / (RELAXATION_OF_STOPS * interval)
