@@ -11,33 +11,22 @@ from consilience.engine import CannotRepresent, Profile, Question, Route
 from consilience.errors import InvalidInput
 from consilience.mechanism import (
     GROUND,
-    Body,
     BoxPlane,
-    CapsulePlane,
     Cone,
-    Drive,
-    Frame,
     Initial,
-    Joint,
-    Mechanism,
     SpherePlane,
-    Stop,
     initial_state,
-    joint_coordinates,
     quaternion_from_rotation_vector,
-    relative_motion,
     rotation_from_quaternion,
-    sine,
 )
 from consilience.reference.contact import contact_instant as contact_instant_of_reference
 from consilience.reference.engine import ReferenceEngine
 from consilience_dart import DartEngine, contact_instant
 from consilience_dart.export import export_model
 from consilience_dart.stepping import stepper
-from contact_problems import LEVEL, G, Lab, incline, pendulum, turned
+from contact_problems import LEVEL, G, Lab, pendulum, turned
 
 LAB = Lab()
-HERE = Frame(np.zeros(3), np.eye(3))
 HEADLINE, EXTRAPOLATED, DEFAULT = range(3)
 
 
@@ -69,25 +58,6 @@ def ball(radius=0.11, gravity=LEVEL, loads=(), **law):
     return LAB.free_body(2.0, (0.8 * radius**2,) * 3, gravity, [LAB.sphere(radius, **law)], loads)
 
 
-def test_a_box_slides_straight_and_stops():
-    heading = np.radians(30.0)
-    along = np.array([np.cos(heading), np.sin(heading), 0.0])
-    mechanism, state = box(LAB, friction=0.4), LAB.state((0.0, 0.0, 0.1), 3.0 * along)
-    errors = []
-    for step in (4e-3, 2e-3):
-        found = move(mechanism, state, np.linspace(0.0, 0.8, 3), step)
-        p, v, w = LAB.centre(found)
-        errors.append(p @ along - 9.0 / (0.8 * G))
-        assert abs(p @ [-along[1], along[0], 0.0]) < 1e-6
-        np.testing.assert_allclose(v, 0.0, atol=1e-6)
-        np.testing.assert_allclose(w, 0.0, atol=1e-6)
-    assert errors[0] / errors[1] == pytest.approx(2.0, abs=0.01)
-    impulse = LAB.axes.T @ found.contact_impulse[1, 0]
-    np.testing.assert_allclose(impulse, 2.0 * G * 0.4 * np.array([*-0.4 * along[:2], 1.0]), rtol=1e-5)
-    assert found.contact_loss[-1] == pytest.approx(9.0, rel=1e-5)
-    assert list(found.contact_mode[:, 0]) == [1, 1, 2]
-
-
 @pytest.mark.parametrize("level", [True, False])
 def test_the_default_is_the_box_that_its_law_states(level):
     """The stop of a block under independent bounds along two axes, each deceleration mu g until its speed is gone."""
@@ -117,41 +87,6 @@ def test_planes_without_one_box_have_no_law():
     assert DartEngine().methods(mechanism, Question.TRAJECTORY)[DEFAULT].law is None
 
 
-def test_a_block_thrown_across_an_incline_turns_to_the_slope():
-    angle = np.radians(110.0)
-    state = LAB.state((0.0, 0.0, 0.1), (2 * np.cos(angle), 2 * np.sin(angle), 0.0))
-    found = move(box(LAB, incline(20.0), friction=0.3), state, [0.0, 1.0], 1.0 / 32.0, EXTRAPOLATED)
-    p, v, _ = LAB.centre(found)
-    np.testing.assert_allclose(p[:2], [0.547310972480047, 0.771934634191531], atol=1e-6)
-    np.testing.assert_allclose(v[:2], [1.11348200821546, 0.155833579558169], atol=3e-6)
-
-
-def test_a_ball_that_two_walls_hold_rolls_down_its_trough():
-    """``g sin a/(1 + 0.4/cos^2 45)``: the friction of each wall is not determined, and the solver finds some."""
-    a, walls = np.radians(20.0), [LAB.axes @ np.array([0.0, s, 1.0]) / np.sqrt(2.0) for s in (1.0, -1.0)]
-    contacts = [
-        SpherePlane(f"wall {k}", "body", LAB.com, 0.1, GROUND, LAB.origin, wall, friction=0.5)
-        for k, wall in enumerate(walls)
-    ]
-    mechanism = LAB.free_body(2.0, (0.008,) * 3, (G * np.sin(a), 0.0, -G * np.cos(a)), contacts)
-    start = LAB.state((0.0, 0.0, 0.1 * np.sqrt(2.0)), np.zeros(3))
-    _, velocity, _ = LAB.centre(move(mechanism, start, np.linspace(0.0, 1.0, 21), 0.0025))
-    np.testing.assert_allclose(velocity, [G * np.sin(a) / 1.8, 0.0, 0.0], atol=1e-4)
-
-
-def test_bowling_rolls_with_what_slipping_leaves():
-    state = LAB.state((0.0, 0.0, 0.11), (3.0, 1.0, 0.0), (25.0, 10.0, 40.0))
-    errors = []
-    for step in (2e-3, 1e-3):
-        found = move(ball(friction=0.2), state, np.linspace(0.0, 2.0, 5), step)
-        p, v, _ = LAB.centre(found)
-        np.testing.assert_allclose(v, [2.45714285714286, -0.0714285714285714, 0.0], atol=1e-4)
-        errors.append(np.linalg.norm(p - [5.08044993254752, 0.185098551080632, 0.11]))
-        assert found.contact_loss[-1] == pytest.approx(2.52464285714286 * 2.0, rel=1e-4)
-        assert list(found.contact_mode[:, 0]) == [1, 1, 2, 2, 2]
-    assert errors[0] / errors[1] == pytest.approx(2.0, abs=0.1)
-
-
 def test_a_ball_that_spins_in_the_air_turns_by_its_spin_at_steps_above_and_below_a_milliradian():
     """Rotations below 1e-3 rad are truncated by DART, at two of the three steps that are extrapolated here."""
     spin = np.array([0.6, 0.0, 0.8])
@@ -175,41 +110,6 @@ def test_a_ball_bounces_down_to_the_threshold_of_restitution():
 
 def released(mechanism, angle, rate=0.0):
     return initial_state(mechanism, Initial({"hinge": {"angle": angle}}, {"hinge": {"angle": rate}}))
-
-
-def angles(mechanism, answer):
-    hinge, states = mechanism.joints[0], (answer.state(n) for n in range(len(answer.time)))
-    return np.array([joint_coordinates(hinge, relative_motion(mechanism, s, hinge))["angle"] for s in states])
-
-
-@pytest.mark.parametrize("end", ["lower", "upper"])
-def test_a_pendulum_falls_on_a_stop(end):
-    sense = 1.0 if end == "lower" else -1.0
-    mechanism = pendulum(LAB, stop={end: 0.3 * sense})
-    found = move(mechanism, released(mechanism, sense), np.linspace(0, 0.6, 61), 1e-3)
-    q = sense * angles(mechanism, found)
-    assert found.time[np.argmax(q < 0.3 + 1e-6)] == pytest.approx(0.35370093125674, abs=1.1e-2)
-    assert q[-1] == pytest.approx(0.3, abs=1e-6)
-    at = instant(mechanism, released(mechanism, 0.3 * sense))
-    np.testing.assert_allclose(at.alpha_WB_W, 0.0, atol=1e-7)
-
-
-def test_dry_friction_stops_a_pendulum_in_its_dead_band():
-    mechanism = pendulum(LAB, bound=0.5)
-    found = move(mechanism, released(mechanism, 1.5), np.linspace(0.0, 6.0, 13), 2e-3)
-    assert angles(mechanism, found)[-1] == pytest.approx(0.0994902036052787, abs=1e-4)
-    for angle, rate, moment in ((1.5, 0.0, 0.5), (1.5, -1.0, 0.5), (0.1, 0.05, -0.5), (0.1, 0.0, 4.905 * np.sin(0.1))):
-        at = instant(mechanism, released(mechanism, angle, rate))
-        alpha = at.alpha_WB_W[0, 0] @ mechanism.joints[0].F.R[:, 2]
-        assert alpha == pytest.approx(3 * (moment - 4.905 * np.sin(angle)), abs=1e-6)
-
-
-def test_a_reversed_joint_has_its_stops_at_the_right_ends():
-    body = Body("wheel", 1.0, np.zeros(3), 0.5 * np.eye(3), HERE)
-    hinge = Joint("hinge", "revolute", "wheel", GROUND, HERE, HERE)
-    mechanism = Mechanism("stopped", np.zeros(3), (body,), (hinge,), stops=(Stop("stop", "hinge", "angle", -1.0, 0.2),))
-    found = move(mechanism, released(mechanism, 0.0, -3.0), np.linspace(0, 0.5, 51), 1e-3)
-    assert angles(mechanism, found)[-1] == pytest.approx(-1.0, abs=1e-9)
 
 
 def test_an_instant_of_a_wheel_whose_slip_changes_fast():
@@ -385,35 +285,6 @@ def test_the_solver_of_friction_and_the_step_that_settle_answer(spreads, chosen,
             contact_instant._settled(None, None, None, shared=False, unsure=False)
     else:
         assert contact_instant._settled(None, None, None, shared=False, unsure=False).a[0] == chosen
-
-
-def test_a_capsule_lies_on_both_ends():
-    ends = [LAB.in_body([x, 0.0, 0.0]) for x in (-0.2, 0.3)]
-    capsule = CapsulePlane("capsule", "body", *ends, 0.1, GROUND, LAB.origin, LAB.axes[:, 2])
-    mechanism = LAB.free_body(2.0, (0.07, 0.06, 0.12), LEVEL, [capsule])
-    found = move(mechanism, LAB.state((0, 0, 0.1), (1.0, 0, 0)), [0.0, 0.1], 1e-2)
-    p, _, w = LAB.centre(found)
-    np.testing.assert_allclose(p, [0.1, 0, 0.1], atol=1e-6)
-    np.testing.assert_allclose(w, 0.0, atol=1e-6)
-
-
-def test_a_shaken_table_throws_the_ball():
-    table = Body("table", 5.0, np.array([0.02, 0.03, -0.01]), 0.3 * np.eye(3), HERE)
-    thrown = Body("ball", 2.0, np.zeros(3), 8e-3 * np.eye(3), Frame(np.array([0, 0, 0.1]), np.eye(3)))
-    joints = (
-        Joint("lift", "prismatic", GROUND, "table", HERE, HERE),
-        Joint("free", "free", GROUND, "ball", HERE, HERE),
-    )
-    rest = SpherePlane("rest", "ball", np.zeros(3), 0.1, "table", np.zeros(3), np.array([0, 0, 1.0]))
-    shake = Drive("shake", "lift", "distance", sine(0.02, 30.0))
-    mechanism = Mechanism("shaken", LEVEL, (table, thrown), joints, drives=(shake,), contacts=(rest,))
-    state = initial_state(mechanism, Initial(velocities={"ball": ((0, 0, 0.6), (0, 0, 0))}))
-    found = move(mechanism, state, np.linspace(0, 0.2, 101), 5e-4)
-    leaves = found.time[np.argmax(found.contact_gap[:, 0] > 1e-6)]
-    assert leaves == pytest.approx(0.0192129704912066, abs=5e-3)
-    np.testing.assert_allclose(found.p_WB[-1, :, 2] - [0.02 * np.sin(6.0)], [0, 0.1], atol=1e-3)
-    total = np.sum(found.contact_impulse[:, 0, 2])
-    assert total == pytest.approx(2.0 * (found.v_WB_W[-1, 1, 2] - 0.6 + G * 0.2), rel=1e-4)
 
 
 def test_a_box_that_slides_keeps_to_its_line_where_friction_is_not_solved_at_once():

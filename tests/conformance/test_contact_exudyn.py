@@ -12,13 +12,11 @@ from consilience.mechanism import (
     GROUND,
     DiscPlane,
     Drive,
-    Initial,
     PointPlane,
     Rolling,
     Skate,
     SpherePlane,
     constant,
-    initial_state,
     rotation_from_quaternion,
 )
 from contact_instants import PROBLEMS, error
@@ -84,21 +82,6 @@ def test_an_instant_of_an_impact_is_refused():
         asked(ball(LAB, 0.1, (0, 0, 0)), LAB.state([0, 0, 0.1], [0, 0, -0.5]))
 
 
-def test_a_tripod_that_slides_and_turns():
-    mechanism = LAB.free_body(2.0, (0.02, 0.02, 0.04), LEVEL, LAB.points(FEET, friction=0.35))
-    state = LAB.state([0, 0, 0.1], [1.2, 0.3, 0.0], [0, 0, 8.0])
-    truth = (
-        [0.268932909539885, 0.0683292593686934, 0.1],
-        [0.465206877057222, 0.104016199456826, 0, 0, 0, 0.300541242906497],
-    )
-    answer = motion(mechanism, state, 0.3, 6, 2, Route.EXTRAPOLATED)
-    p, v, w = LAB.centre(answer)
-    close((p, v, w), truth, 1e-8)
-    impulse = 2.0 * (v - [1.2, 0.3, 0.0]) + [0, 0, 0.3 * 2.0 * G]
-    close((answer.contact_impulse.sum(axis=(0, 1)) @ LAB.axes,), (impulse,), 1e-6)
-    assert np.all(answer.contact_mode == 1)
-
-
 def test_overlaps_are_not_lost_in_the_rounding_of_a_wide_plane():
     """A block slides 2 m: rounding of triangles of 11 m would move it by 2e-8 m (closed form: hodograph)."""
     case, engine = load_case("thrown_across_slides"), ExudynEngine()
@@ -111,21 +94,6 @@ def test_overlaps_are_not_lost_in_the_rounding_of_a_wide_plane():
         assert found[value.component] == pytest.approx(value.value, abs=1e-8)
 
 
-def test_a_bowling_ball_slides_on_a_parabola_then_rolls():
-    inertia = 0.4 * 1.3 * 0.11**2
-    mechanism = LAB.free_body(1.3, [inertia] * 3, LEVEL, [LAB.sphere(0.11, friction=0.2)])
-    state = LAB.state([0, 0, 0.11], [3.0, 1.0, 0.0], [25.0, 10.0, 40.0])
-    answer = motion(mechanism, state, 2.0, 40, 1, Route.EXTRAPOLATED)
-    truth = (
-        [5.08044993254752, 0.185098551080632, 0.11],
-        [2.45714285714286, -0.0714285714285714, 0.0],
-        [0.649350649350649, 22.3376623376623, 40.0],
-    )
-    close(LAB.centre(answer), truth, 5e-6)
-    assert set(answer.contact_mode[:12, 0]) == {1}
-    assert set(answer.contact_mode[-20:, 0]) == {2}
-
-
 def test_a_block_that_slides_up_an_incline_stays_there():
     mechanism = LAB.free_body(2.0, (0.02, 0.03, 0.04), incline(20), LAB.points(CORNERS, friction=0.5))
     state = LAB.state([0, 0, 0.1], [-3.0, 0, 0])
@@ -134,24 +102,6 @@ def test_a_block_that_slides_up_an_incline_stays_there():
     assert np.all(answer.contact_mode[-5:] == 2)
     creeps = [np.linalg.norm(LAB.centre(motion(mechanism, state, 1.0, 40, n))[1]) for n in (0, 1)]
     assert creeps[0] / creeps[1] == pytest.approx(2.0, abs=0.1)
-
-
-def test_a_ball_starts_to_slide_just_below_the_threshold_of_rolling():
-    """mu = 0.16 and 0.17 beside 2/7 tan 30 deg = 0.16496."""
-    inertia = 0.4 * 1.3 * 0.01
-    for mu, x, bar in ((0.17, 1.75178571428571, 1e-8), (0.16, 1.77284326310997, 1e-5)):
-        mechanism = LAB.free_body(1.3, [inertia] * 3, incline(30), [LAB.sphere(0.1, friction=mu)])
-        answer = motion(mechanism, LAB.state([0, 0, 0.1], [0, 0, 0]), 1.0, 40, 2, Route.EXTRAPOLATED)
-        close((LAB.centre(answer)[0],), ([x, 0.0, 0.1],), bar)
-
-
-def test_a_ladder_keeps_its_speed_after_it_has_left_the_wall():
-    """Smooth wall and floor: sin th = 2/3 sin 60 deg at 0.45966 s, from there on no force along the floor."""
-    wall = PointPlane("head", "body", LAB.in_body([0, 0, 1.0]), GROUND, LAB.origin, LAB.axes[:, 0])
-    mechanism = LAB.free_body(1.0, (1 / 3, 1 / 3, 1e-3), LEVEL, [*LAB.points([[0, 0, -1.0]]), wall])
-    state = LAB.state([0.5, 0, np.sqrt(0.75)], [0, 0, 0], turn=turned(0, -np.pi / 6, 0))
-    answer = motion(mechanism, state, 0.6, 12, 1, Route.EXTRAPOLATED)
-    close((LAB.centre(answer)[1][:2],), ([1.18993761819162, 0.0],), 1e-4)
 
 
 @pytest.mark.parametrize(("mu", "share"), [(0.0, 1.0), (0.5, 5 / 7)])
@@ -253,25 +203,6 @@ def test_a_ball_bounces_with_its_restitution_whatever_its_mass():
             mechanism, LAB.state([0, 0, 1.1], [0, 0, 0]), np.linspace(0, 0.7, 15), method, 1.25e-5
         )
         close(LAB.centre(answer)[:2], truth, bar)
-
-
-def test_a_pendulum_with_dry_friction_comes_to_rest_away_from_its_lowest_point():
-    mechanism = pendulum(LAB, bound=0.5)
-    state = initial_state(mechanism, Initial({"hinge": {"angle": 1.5}}))
-    errors = [LAB.angle(motion(mechanism, state, 6.0, 120, level))[0] - 0.0994902036052787 for level in (0, 1)]
-    assert abs(errors[1]) < 2e-3
-    assert errors[0] / errors[1] == pytest.approx(2.0, abs=0.2)  # it creeps, by a speed that follows the step
-
-
-def test_a_pendulum_bounces_to_rest_on_a_stop():
-    mechanism = pendulum(LAB, stop={"lower": 0.3, "restitution": 0.5})
-    state = initial_state(mechanism, Initial({"hinge": {"angle": 1.0}}))
-    first = motion(mechanism, state, 0.5, 10, 1)
-    rates = first.w_WB_W[:, 0] @ LAB.axes[:, 1]
-    assert first.time[7] < 0.35370093125674 < first.time[8]  # the first impact
-    assert rates[7] < 0.0 < rates[8]
-    answer = motion(mechanism, state, 2.0, 40, 0)
-    close((LAB.angle(answer), answer.w_WB_W[-1, 0]), ([0.3], np.zeros(3)), 1e-4)
 
 
 @pytest.mark.parametrize(
