@@ -144,11 +144,20 @@ def _normal_forces(translation: Translation, state: State) -> dict[int, float]:
 
 
 def _inverse_inertias(translation: Translation) -> Array:
-    """Bounds of the inverse inertia that the normal force of each contact sees together with all others."""
+    """Bounds of the inverse inertia that the normal force of each contact sees together with all others.
+
+    Without friction a contact slips off under bodies that tilt: the bound is that of all directions of its normal, or
+    the contact gets unstable where it sees less inertia later.
+    """
     model, data = translation.model, translation.data
-    rows = [touch.point_and_normal(data)[1] @ touch.jacobian(model, data) for touch in translation.touches]
-    J = np.array(rows).reshape(-1, model.nv)
-    return np.asarray(np.abs(J @ np.linalg.solve(mass_matrix(model, data), J.T)).sum(axis=1))
+    rows = [
+        touch.point_and_normal(data)[1][None] @ touch.jacobian(model, data)
+        if touch.part.friction > 0.0
+        else touch.jacobian(model, data, central=True)
+        for touch in translation.touches
+    ]
+    W = np.linalg.inv(mass_matrix(model, data))
+    return np.array([sum(np.linalg.norm(one @ W @ two.T, 2) for two in rows) for one in rows])
 
 
 class ContactRecord:

@@ -116,9 +116,9 @@ class Touch:
         w, v = self._velocity(model, data, side, point)
         return w, v, velocity_term(model, data, self.carriers[side], self.dofs[side], point)
 
-    def jacobian(self, model: Any, data: Any) -> Array:
-        """Return J of ``u = J v`` in MuJoCo's velocities, shape (3, nv), world axes."""
-        x, _ = self.point_and_normal(data)
+    def jacobian(self, model: Any, data: Any, central: bool = False) -> Array:
+        """Return J of ``u = J v`` in MuJoCo's velocities, shape (3, nv), world axes; `central`: at the centre."""
+        x = data.geom_xpos[self.geoms[0]] if central else self.point_and_normal(data)[0]
         J = np.zeros((2, 3, model.nv))
         for side in (0, 1):
             mujoco.mj_jac(model, data, J[side], None, x, self.carriers[side])
