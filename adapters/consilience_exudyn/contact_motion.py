@@ -23,10 +23,11 @@ from consilience_exudyn.contact_numbers import (
     contacts_at_start,
     late_hits,
     penalties_of,
+    refuse_chain,
     refuse_late_hits,
 )
 from consilience_exudyn.contact_rows import coordinate_row, mobility
-from consilience_exudyn.contact_samples import room_ahead, room_taken, with_contacts
+from consilience_exudyn.contact_samples import refuse_gain, room_ahead, room_taken, with_contacts
 from consilience_exudyn.contacts import Penalty, add_contact, add_dry_friction, add_limit, limits_of, parts_of
 from consilience_exudyn.free_bodies import KEEP, add_free_bodies
 from consilience_exudyn.kinematic_tree import Coordinates, build_tree, is_one_axis_tree
@@ -106,6 +107,7 @@ def _bounded_motion(
 ) -> tuple[TrajectoryAnswer, list[float]]:
     """Return a motion and the bounds of its normal forces, which are no less than `least`, if that is known."""
     seen, turning = contacts_at_start(mechanism, state), False
+    refuse_chain(seen)
     bounds = [max(one.bound(at), known) for one, known in zip(seen, least or [0.0] * len(seen), strict=True)]
     for _ in range(_ATTEMPTS):
         penalties = penalties_of(seen, bounds, at)
@@ -117,6 +119,7 @@ def _bounded_motion(
             continue
         largest = np.max(np.linalg.norm(forces, axis=2), axis=0, initial=0.0)
         if np.all(largest <= _STABLE * np.array(bounds)):
+            refuse_gain(mechanism, answer)
             return with_contacts(mechanism, answer, forces, penalties, 1.0 / (at.step * np.sqrt(at.stiffness))), bounds
         hits = late_hits(seen, largest)
         if hits and not turning:

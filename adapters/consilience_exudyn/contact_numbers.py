@@ -141,6 +141,8 @@ class Seen:
     load : float, N
         Normal force that a contact which opens may have before; zero for others. Its bound does not follow the step, so
         that its zone does.
+    waits : bool
+        Whether it is closed and at rest without a load, and shall rebound when it is hit.
     """
 
     row: TouchRow
@@ -149,6 +151,7 @@ class Seen:
     normal: float
     speed: float
     load: float
+    waits: bool
 
     def bound(self, at: Step) -> float:
         """Return the first bound of the normal force."""
@@ -207,6 +210,19 @@ def refuse_late_hits(hits: Sequence[tuple[Seen, float]]) -> None:
             raise CannotRepresent(what, "Exudyn's restitution begins with the speed of an impact, and it rests at none")
 
 
+def refuse_chain(seen: Sequence[Seen]) -> None:
+    """Refuse contacts that rest without a load and shall rebound together: by their dampers one is as rigid as joined.
+
+    Raises
+    ------
+    CannotRepresent
+    """
+    waiting = [one.row.part.name for one in seen if one.waits]
+    if len(waiting) > 1:
+        what = f"contacts '{waiting[0]}' and '{waiting[1]}', at rest until they are hit"
+        raise CannotRepresent(what, "Exudyn's damper of a rebound has no bound where an impact begins without a speed")
+
+
 def contacts_at_start(mechanism: Mechanism, state: State, turning: bool = False) -> list[Seen]:
     """Return all elementary contacts as they are at the start; `turning`: with the largest A as the bodies turn."""
     rows = [contact_row(mechanism, state, part, number) for number, part in parts_of(mechanism)]
@@ -223,7 +239,8 @@ def contacts_at_start(mechanism: Mechanism, state: State, turning: bool = False)
         hits = row.gap > slack or open_ or (row.part.restitution > 0.0 and not rests)
         speed = float(np.linalg.norm(row.u) + np.sqrt(2.0 * pull * max(row.gap, 0.0))) if hits else 0.0
         load = max(forces) if open_ and row.gap <= slack and row.part.restitution == 0.0 else 0.0
-        found.append(Seen(row, float(a), g, normal, max(speed, 1e-3) if hits else 0.0, load))
+        waits = row.part.restitution > 0.0 and not rests and row.gap <= slack and abs(row.rate) <= AT_REST
+        found.append(Seen(row, float(a), g, normal, max(speed, 1e-3) if hits else 0.0, load, waits))
     return found
 
 

@@ -8,12 +8,24 @@ from dataclasses import replace
 import numpy as np
 
 from consilience.engine import CannotRepresent, TrajectoryAnswer, joined_mode, over_parts
-from consilience.mechanism import GROUND, Array, Mechanism, State, characteristic_length, nearest_points
+from consilience.mechanism import (
+    GROUND,
+    Array,
+    Mechanism,
+    State,
+    characteristic_length,
+    kinetic_energy,
+    nearest_points,
+    potential_energy,
+)
 from consilience_exudyn.contact_rows import contact_row
 from consilience_exudyn.contacts import Penalty, parts_of
 
 _IMPACT = 4.0 * np.pi
 """Longest impact in radians of its spring: four half periods, as what is hit may be heavier than it seemed."""
+
+_GAIN = 0.1
+"""Energy that a motion may gain by its errors, over that of its start and what gravity and springs give."""
 
 _OPENING = 1.98
 """Angle between forces that slide in opposite directions, over the half angle of the friction cone; exactly 2."""
@@ -56,6 +68,24 @@ def refuse_fall(mechanism: Mechanism, gaps: Array, penalties: Sequence[Penalty])
                 f"contact '{part.name}', which hits harder than expected at the start",
                 "Exudyn lets a sphere through that is deeper than its radius",
             )
+
+
+def refuse_gain(mechanism: Mechanism, answer: TrajectoryAnswer) -> None:
+    """Refuse a motion that gains energy where nothing can give any.
+
+    Raises
+    ------
+    RuntimeError
+    """
+    m = mechanism
+    actuators = [s.actuator for s in m.springs] + [s.actuator for s in m.joint_springs]
+    if m.loads or m.drives or m.controls or any(actuators):
+        return
+    states = [answer.state(n) for n in range(len(answer.time))]
+    kinetic, potential = (np.array([of(m, s) for s in states]) for of in (kinetic_energy, potential_energy))
+    gain = np.max(kinetic + potential) - kinetic[0] - potential[0]
+    if gain > _GAIN * (kinetic[0] + np.ptp(potential)):
+        raise RuntimeError(f"the motion gains {gain:.3g} J from nothing: the steps are too long")
 
 
 def refuse_reversal(mechanism: Mechanism, forces: Array, longest: int) -> None:

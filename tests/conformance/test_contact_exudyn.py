@@ -25,7 +25,7 @@ from contact_problems import BALL, FEET, LEVEL, G, Lab, ball, close, incline, pe
 pytest.importorskip("exudyn")
 
 from consilience_exudyn import ExudynEngine, contact_numbers
-from consilience_exudyn.contact_samples import refuse_fall
+from consilience_exudyn.contact_samples import refuse_fall, refuse_gain
 from consilience_exudyn.contacts import Penalty
 from consilience_exudyn.mutants import CONTACT_MUTANTS
 
@@ -138,6 +138,27 @@ def test_what_rests_and_is_hit_later_is_refused_with_its_restitution():
     case = draw.case(duration=0.4, sample=0.02)
     with pytest.raises(CannotRepresent, match=r"'floor', closed at the start, hits later .* restitution begins"):
         motion(case.mechanism, case.initial_state, 0.4)
+
+
+def test_balls_that_touch_in_a_chain_are_refused_and_two_are_not():
+    """Of three that touched, levels ended 7e-3, 1e5 and 24 m off: the dampers of both contacts have no bound."""
+    chain = load_case("balls_in_line:balls=4,restitution=0.8,gap=0")
+    with pytest.raises(CannotRepresent, match=r"'pair_2' and 'pair_3', at rest until they are hit"):
+        motion(chain.mechanism, chain.initial_state, 0.2, 20, 0)
+    two = load_case("balls_in_line:balls=3,restitution=0.8,gap=0")
+    found = motion(two.mechanism, two.initial_state, 0.2, 20, 0)
+    np.testing.assert_allclose(found.v_WB_W[-1], simulate(two).v_WB_W[-1], atol=0.03)
+
+
+def test_a_motion_that_gains_energy_is_refused():
+    """A ball that falls for 0.2 s without getting lower, and is twice as fast: ``m/2 (4 (v^2 + (g t)^2) - v^2)``."""
+    mechanism, state = LAB.free_body(1.3, BALL, LEVEL, [LAB.sphere(0.1)]), LAB.state([0, 0, 1.0], [1.0, 0, 0])
+    flies = motion(mechanism, state, 0.2)
+    refuse_gain(mechanism, flies)
+    faster = flies.v_WB_W * np.linspace(1.0, 2.0, 21)[:, None, None]
+    gains = replace(flies, p_WB=flies.p_WB[:1].repeat(21, axis=0), v_WB_W=faster)
+    with pytest.raises(RuntimeError, match=f"gains {0.65 * (4.0 * (1.0 + (0.2 * G) ** 2) - 1.0):.3g} J from nothing"):
+        refuse_gain(mechanism, gains)
 
 
 @pytest.mark.parametrize("substeps", [40, 80, 320])
