@@ -31,21 +31,24 @@ def free_joint(name: str, at: list[float]) -> TomlTable:
     return {"name": f"{name}_flight", "kind": "free", "predecessor": "ground", "successor": name, "at": at}
 
 
-def flat_box(name: str, rng: np.random.Generator, center: Array, half: Array, mass: float) -> TomlTable:
-    """Return a lumpy body with its centre of mass in the middle of a box, its axes turned against those of the box.
+def flat_box(name: str, rng: np.random.Generator, center: Array, E: Array, half: Array, mass: float) -> TomlTable:
+    """Return a box with lumps of mass all over it, their centre in its middle, the body's axes turned against its own.
 
     Parameters
     ----------
     name : str
     rng : numpy.random.Generator
-        Source of the inertia and of the axes.
+        Source of the lumps and of the axes.
     center, half : ndarray, shape (3,), m
         Middle of the box in the drawing, and half its edges.
+    E : ndarray, shape (3, 3)
+        Axes of the box in those of the drawing.
     mass : float, kg
     """
     R = random_rotation(rng)
-    com, inertia = lumps(rng, mass, float(np.min(half)))
-    return body(name, mass, center - R @ com, R, com, inertia)
+    com, inertia = lumps(rng, mass, half)
+    Q = R.T @ E
+    return body(name, mass, center - E @ com, R, Q @ com, Q @ inertia @ Q.T)
 
 
 def flat_contact(name: str, of: str, center: Array, E: Array, half: Array, foot: Array, mu: float) -> TomlTable:
@@ -107,7 +110,7 @@ def sliding_cube(
     a, th = np.radians(slope), np.radians(heading)
     gravity = GRAVITY * (np.sin(a) * E[:, 0] - np.cos(a) * E[:, 2])
     center = PLACE + half[2] * E[:, 2]
-    cube = flat_box("cube", rng, center, half, 2.0)
+    cube = flat_box("cube", rng, center, E, half, 2.0)
     contact = flat_contact("floor", "cube", center, E, half, PLACE, friction)
     if cone != "circle":
         contact["cone"] = {"kind": cone}
@@ -274,7 +277,7 @@ def box_stack(
     for k in range(boxes):
         foot = PLACE + 2 * k * half[2] * E[:, 2]
         center = foot + half[2] * E[:, 2]
-        bodies.append(flat_box(f"box_{k + 1}", rng, center, half, 1.0))
+        bodies.append(flat_box(f"box_{k + 1}", rng, center, E, half, 1.0))
         below = {"partner": f"box_{k}"} if k else {}
         contacts.append(flat_contact(f"on_{k}", f"box_{k + 1}", center, E, half, foot, friction) | below)
     source = "statics: it stays"

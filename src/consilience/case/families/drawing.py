@@ -75,9 +75,12 @@ def random_rotation(rng: np.random.Generator) -> Array:
     return rotation_from_quaternion(quat / np.linalg.norm(quat))
 
 
-def lumps(rng: np.random.Generator, mass: float, size: float) -> tuple[Array, Array]:
-    """Return centre of mass (3,) and inertia (3, 3) about it of twelve equal random lumps in a cloud of a size in m."""
-    points = rng.normal(scale=0.4 * size, size=(12, 3)) * np.array([1.0, 0.7, 1.3])
+def lumps(rng: np.random.Generator, mass: float, size: float | Array) -> tuple[Array, Array]:
+    """Return centre of mass (3,) and inertia (3, 3) about it of twelve equal random lumps in a cloud.
+
+    The size is that of the cloud in m, or its sizes along the axes, shape (3,).
+    """
+    points = 0.4 * size * rng.normal(size=(12, 3)) * np.array([1.0, 0.7, 1.3])
     com = points.mean(axis=0)
     arms = points - com
     squares = np.sum(arms * arms, axis=1)
