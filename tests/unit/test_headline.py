@@ -60,3 +60,17 @@ def test_each_cell_to_look_at_is_one_line_with_its_first_cause_the_gravest_first
         ),
         "? arm, alpha: There is nothing to judge by (instant, solve: nothing to compare)",
     ]
+
+
+def test_a_worse_method_that_leads_to_another_model_is_told_beside_the_best():
+    record = record_of(
+        [
+            comparison("crane", "alpha", "trajectory", Verdict.MODEL, method="Euler", digits=2.0),
+            comparison("crane", "alpha", "trajectory", digits=9.0),
+            comparison("crane", "beta_1", "trajectory", Verdict.MODEL, digits=1.0),
+        ]
+    )
+    reached, beside = headline(record)
+    assert reached.startswith("1 of 2 motions reaches")
+    assert reached.endswith("; 1 differs in the model")
+    assert beside == "1 motion differs in the model by another method"

@@ -65,11 +65,14 @@ def headline(record: Record) -> tuple[str, ...]:
     models = [q for q in asked if not q.over_time]
     places = " and ".join(models)
     means = [_worst(found) for own in cells if (found := [c for c in own if c["question"] in models])]
-    motions = [c for own in cells for c in own if c["best"] and c["question"] not in models]
+    moving = [[c for c in own if c["question"] not in models] for own in cells]
+    motions = [c for own in moving for c in own if c["best"]]
+    beside = sum(_differs(own) and not _differs([c for c in own if c["best"]]) for own in moving)
     missing = record.header["missing"]
     sentences = (
         *_counted(means, "cell", f"at {places}", ("agrees", "agree")),
         *_counted(motions, "motion", _ASKED, ("reaches", "reach")),
+        *([f"{counted(beside, 'motion')} {phrase(Verdict.MODEL, beside)} by another method"] if beside else ()),
         *([f"{counted(len(missing), 'engine')} not available: {', '.join(missing)}"] if missing else ()),
     )
     return sentences or ("nothing was compared",)
@@ -99,6 +102,11 @@ def without_horizon(record: Record) -> list[str]:
 def _cells(record: Record) -> dict[tuple[str, str], list[dict[str, Any]]]:
     """Group the comparisons with matched settings by case and engine."""
     return grouped(((c["case"], c["engine"]), c) for c in record.comparisons if is_matched(c))
+
+
+def _differs(comparisons: Comparisons) -> bool:
+    """Whether any differs in the model."""
+    return any(c["verdict"] == Verdict.MODEL for c in comparisons)
 
 
 def _gravity(comparison: dict[str, Any]) -> int:
