@@ -492,6 +492,9 @@ digits = 8
 """
 
 
+CIRCLE = 'cone = { kind = "circle"'
+
+
 @pytest.mark.parametrize(
     ("valid", "given", "message"),
     [
@@ -501,6 +504,9 @@ digits = 8
         ("friction = 0.5", 'associated = "yes"', r"contact 'floor'.associated: input should be a valid boolean"),
         ("friction = 0.5", 'cone = "circle"', r"contact 'floor'.cone: it is a table; give { kind = .circle. }"),
         ("friction = 0.5", "compliance = 1e4", r"contact 'floor'.compliance: it is a table; give { stiffness = 1e4,"),
+        ("friction = 0.5", f"{CIRCLE}, facets = 4 }}", r"contact 'floor'.cone: a circle has no facets"),
+        ("friction = 0.5", f"{CIRCLE}, tangent = [1, 0, 0] }}", r"contact 'floor'.cone: a circle has no tangent"),
+        ("friction = 0.5", 'cone = { kind = "box", offset = 0.1 }', r"contact 'floor'.cone: a box has no offset"),
         ("half_sizes = [0.2, 0.2, 0.1]", "axis = [0, 0, 1]\nradius = 0.0", r"'floor': give a radius above zero"),
         ("half_sizes = [0.2, 0.2, 0.1]", "to = [0, 0, 0.1]\nradius = 0.1", r"the ends of the capsule coincide"),
     ],

@@ -258,6 +258,8 @@ def test_gaps_and_limits_are_the_same_in_other_units():
         (lambda: contacts(associated=True), "friction: it is missing beside associated"),
         (lambda: contacts(friction=0.4, static_friction=0.3), "static_friction: 0.3 is out of range"),
         (lambda: contacts(restitution=0.1, compliance=Compliance(1.0)), "restitution: a spring and a damper decide"),
+        (lambda: contacts(rebound_threshold=0.1, compliance=Compliance(1.0)), "rebound_threshold: a spring and"),
+        (lambda: contacts(impact_law="moreau", compliance=Compliance(1.0)), "impact_law: a spring and a damper decide"),
         (lambda: contacts(friction="much"), "friction: 'much' is no number"),
         (lambda: contacts(impact_law="stronge"), "impact_law: 'stronge' is none"),
         (lambda: contacts(friction=0.1, cone=Cone(tangent=(0.2, -0.3, 1.0))), "cone: tangent: it is along the normal"),

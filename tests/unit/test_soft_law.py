@@ -13,8 +13,8 @@ from consilience.compare.softness import Softness
 from consilience.engine import Manifest, Method, Question, Route, Run, Status
 from consilience.engine.worker.client import Reply
 from consilience.engine.worker.requests import Plan
-from consilience.mechanism import ContactLaw, Regularisation
-from consilience.suite.other_laws import laws_to_solve, runs_under_other_laws
+from consilience.mechanism import Compliance, Cone, ContactLaw, Regularisation
+from consilience.suite.other_laws import laws_to_solve, runs_under_other_laws, with_law
 
 FINEST = 1e-3
 SOFT = Evidence(
@@ -69,6 +69,19 @@ def test_the_reference_is_asked_with_the_soft_law_where_the_softness_was_varied(
         Run("c", "e", Question.TRAJECTORY, replace(method, softness=s), 0, 0.1, Status.ANSWERED, None) for s in softness
     ]
     assert laws_to_solve(runs) == [(Question.TRAJECTORY, LAW)] * count
+
+
+def test_another_law_of_impact_is_that_of_rigid_contacts_and_another_cone_that_of_rough_ones():
+    case = load_case("ball_slips")
+    (ball,) = case.mechanism.contacts
+    soft = replace(ball, name="soft", compliance=Compliance(1e4))
+    mechanism = replace(case.mechanism, contacts=(ball, soft, replace(ball, name="smooth", friction=0.0)))
+    stepped = with_law(mechanism, ContactLaw(impact_law="moreau", rebound_threshold=0.1, cone=Cone("box"))).contacts
+    assert [(c.impact_law, c.rebound_threshold) for c in stepped] == [("moreau", 0.1), ("newton", 0.0), ("newton", 0.1)]
+    assert [c.cone.kind for c in stepped] == ["box", "box", "circle"]
+    bounces = replace(mechanism, contacts=(replace(ball, restitution=0.5, impact_law="poisson"),))
+    (softened,) = with_law(bounces, ContactLaw(compliance=Compliance(2e4))).contacts
+    assert (softened.restitution, softened.impact_law, softened.compliance) == (0.0, "newton", Compliance(2e4))
 
 
 def test_a_case_that_the_reference_refuses_is_not_asked_of_it_with_another_law():

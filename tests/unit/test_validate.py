@@ -138,6 +138,9 @@ DOUBTS = {
             | {"partner_at": [0.0, 1.0, 0.0], "partner_radius": 0.2, "cone": {"kind": "box"}}
         ]
     },
+    "contact 'floor': the reference refuses its law, nothing is compared: an associated cone is a circle, without": {
+        "contact": [FLOOR | {"friction": 0.3, "static_friction": 0.4, "associated": True}]
+    },
     "friction 'rub': the speed 1e-09 is too small": {
         "friction": [{"name": "rub", "joint": "slide", "coordinate": "distance", "coulomb": 1.0, "speed": 1e-9}]
     },

@@ -49,7 +49,15 @@ from consilience.mechanism.contact_geometry import (
     sharing_rows,
     strikes,
 )
-from consilience.mechanism.contact_laws import Compliance, Cone, ContactLaw, Regularisation, SurfaceLaw
+from consilience.mechanism.contact_laws import (
+    ASSOCIATED_ALONE,
+    LAWS_OF_IMPACT,
+    Compliance,
+    Cone,
+    ContactLaw,
+    Regularisation,
+    SurfaceLaw,
+)
 from consilience.mechanism.contacts import (
     BoxPlane,
     CapsulePlane,
@@ -157,10 +165,12 @@ from consilience.mechanism.units import (
 )
 
 __all__ = [
+    "ASSOCIATED_ALONE",
     "AXIS_COORDINATES",
     "BASIC_CONSTRAINTS",
     "GROUND",
     "JOINT_KINDS",
+    "LAWS_OF_IMPACT",
     "NO_LENGTH",
     "RANK_TOLERANCE",
     "TOUCHING",

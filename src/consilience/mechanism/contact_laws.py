@@ -13,6 +13,10 @@ from consilience.mechanism.spatial import Array, cross, fixed_array
 ConeKind = Literal["circle", "pyramid", "box"]
 ImpactLaw = Literal["newton", "moreau", "poisson"]
 
+LAWS_OF_IMPACT = ("restitution", "rebound_threshold", "impact_law")
+"""Laws of rigid shapes alone: a spring and a damper have no impacts."""
+ASSOCIATED_ALONE = "an associated cone is a circle, without rebound, static friction, friction moments or compliance"
+
 
 def _one_of(where: str, value: object, kinds: object) -> None:
     if value not in get_args(kinds):
@@ -158,9 +162,21 @@ class SurfaceLaw:
             raise InvalidInput(f"{where}: friction", f"it is missing beside {what}", "Give the coefficient, above 0.")
         if self.compliance is not None:
             require(self.compliance, Compliance, f"{where}: compliance", "Give Compliance(stiffness, damping).")
-            if self.restitution:
-                what = "a spring and a damper decide how the bodies part"
-                raise InvalidInput(f"{where}: restitution", what, "Leave out restitution, or compliance.")
+            for name in LAWS_OF_IMPACT:
+                if getattr(self, name) != getattr(SurfaceLaw, name):
+                    what = "a spring and a damper decide how the bodies part"
+                    raise InvalidInput(f"{where}: {name}", what, f"Leave out {name}, or compliance.")
+
+    @property
+    def mixes_associated(self) -> bool:
+        """Whether an associated cone stands beside another law, so that the two have no equations together."""
+        return self.associated and (
+            self.cone.kind != "circle"
+            or self.impact_law == "poisson"
+            or self.compliance is not None
+            or self.static_friction not in (None, self.friction)
+            or max(self.restitution, self.torsional, self.rolling) > 0.0
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

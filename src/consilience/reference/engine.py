@@ -20,6 +20,7 @@ from consilience.engine import (
     Unsupported,
 )
 from consilience.mechanism import (
+    ASSOCIATED_ALONE,
     Array,
     Mechanism,
     State,
@@ -101,7 +102,7 @@ class ReferenceEngine:
         if question is Question.MODEL or (self._own is None and not _touches(mechanism)):
             return ()
         if self._own is None:
-            from consilience.reference.contact.layout import ASSOCIATED_ALONE, not_covered  # noqa: PLC0415 - slow to import
+            from consilience.reference.contact.layout import not_covered  # noqa: PLC0415 - slow to import
 
             return tuple(Unsupported(f"contact '{name}'", ASSOCIATED_ALONE) for name in not_covered(mechanism))
         return registry.unsupported(self._own, mechanism)

@@ -16,6 +16,7 @@ import numpy as np
 from consilience.case import Case
 from consilience.case.published import OF_A_JOINT
 from consilience.mechanism import (
+    ASSOCIATED_ALONE,
     GROUND,
     RANK_TOLERANCE,
     Array,
@@ -247,7 +248,7 @@ def _edges(case: Case) -> Iterator[str]:
 
 
 def _contacts_at_start(mechanism: Mechanism, start: State) -> Iterator[str]:
-    """Describe closed contacts that the joints hold, or that hit at once, and tangents that jump."""
+    """Describe closed contacts that the joints hold, or that hit at once, tangents that jump, and laws of no motion."""
     free = free_directions(mechanism, start)
     motion = np.hstack([start.v_WB_W, start.w_WB_W]).ravel()
     hit, closed = [], set()
@@ -262,6 +263,8 @@ def _contacts_at_start(mechanism: Mechanism, start: State) -> Iterator[str]:
             )
         if len(rows) and contact.restitution and np.min(rows @ motion) < 0.0:
             hit.append(contact.name)
+        if contact.mixes_associated:
+            yield f"contact '{contact.name}': the reference refuses its law, nothing is compared: {ASSOCIATED_ALONE}"
         if isinstance(contact, SphereSphere) and contact.cone.kind != "circle":
             yield f"contact '{contact.name}': the tangents of a {contact.cone.kind} cone jump where spheres roll round"
     if len(hit) > 1:

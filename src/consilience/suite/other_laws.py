@@ -12,21 +12,24 @@ from consilience.compare.other_laws import hardened
 from consilience.engine import Question, Run, Status
 from consilience.engine.worker.client import EngineHandle
 from consilience.engine.worker.requests import Plan, Request
-from consilience.mechanism import ContactLaw, Mechanism
+from consilience.mechanism import LAWS_OF_IMPACT, Contact, ContactLaw, Mechanism, SurfaceLaw
 from consilience.suite.engine_runs import EngineCase, levels_of
 from consilience.suite.store import Store
 
 
 def with_law(mechanism: Mechanism, law: ContactLaw) -> Mechanism:
-    """Return the mechanism whose contacts have another law; cones are those of contacts with friction alone."""
+    """Return the mechanism with another law: a cone where there is friction, of impact where shapes are rigid."""
     given: dict[str, Any] = {field.name: getattr(law, field.name) for field in fields(law)}
     given = {name: value for name, value in given.items() if value is not None}
     given.pop("regularisation", None)  # of the method, in place of rigid contacts
     of_friction = {name: given.pop(name) for name in ("cone", "associated", "impact_law") if name in given}
-    if "compliance" in given:
-        given["restitution"] = 0.0
-    contacts = (replace(c, **given, **(of_friction if c.friction > 0.0 else {})) for c in mechanism.contacts)
-    return replace(mechanism, contacts=tuple(contacts))
+    none = {name: getattr(SurfaceLaw, name) for name in LAWS_OF_IMPACT}
+
+    def laws(contact: Contact) -> dict[str, Any]:
+        soft = contact.compliance is not None or "compliance" in given
+        return given | (of_friction if contact.friction > 0.0 else {}) | (none if soft else {})
+
+    return replace(mechanism, contacts=tuple(replace(c, **laws(c)) for c in mechanism.contacts))
 
 
 def laws_to_solve(runs: Sequence[Run]) -> list[tuple[Question, ContactLaw]]:

@@ -19,6 +19,14 @@ class ConeTable(TableModel):
         None, description="First tangent in the drawing, projected; default: x of the partner, y where n is along x."
     )
 
+    @model_validator(mode="after")
+    def _of_its_kind(self) -> ConeTable:
+        without = {"circle": ("facets", "offset", "tangent"), "box": ("facets", "offset"), "pyramid": ()}[self.kind]
+        given = [name for name in without if name in self.model_fields_set]
+        if given:
+            raise ValueError(f"a {self.kind} has no {' and no '.join(given)}; remove it, or choose another kind")
+        return self
+
 
 class ComplianceTable(TableModel):
     """Spring and damper in the normal direction, in place of rigid shapes."""

@@ -307,8 +307,9 @@ def _surface(c: Contact, m: Mechanism) -> TomlTable:
         if getattr(c, name) != getattr(SurfaceLaw(), name):
             table[name] = getattr(c, name)
     if c.cone != Cone():
-        table["cone"] = {name: getattr(c.cone, name) for name in ("kind", "facets", "offset")}
-        if c.cone.tangent is not None:
+        own = ("kind", "facets", "offset") if c.cone.kind == "pyramid" else ("kind",)
+        table["cone"] = {name: getattr(c.cone, name) for name in own}
+        if c.cone.tangent is not None and c.cone.kind != "circle":
             table["cone"]["tangent"] = _direction(m, c.partner, np.array(c.cone.tangent))
     if c.compliance is not None:
         table["compliance"] = {"stiffness": c.compliance.stiffness, "damping": c.compliance.damping}

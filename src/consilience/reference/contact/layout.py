@@ -15,12 +15,10 @@ from typing import Any
 import numpy as np
 
 from consilience.errors import InvalidInput
-from consilience.mechanism import Array, DryFriction, JointSpring, Mechanism, contact_parts
+from consilience.mechanism import ASSOCIATED_ALONE, Array, DryFriction, JointSpring, Mechanism, contact_parts
 from consilience.reference.bodies.arrays import ANGLE, DISTANCE, Model, flatten
 from consilience.reference.contact.pairs import LIMIT, pairs_of
 from consilience.reference.contact.problem import FrictionSet
-
-ASSOCIATED_ALONE = "an associated cone is a circle, without rebound, static friction, friction moments or compliance"
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,18 +162,7 @@ def _coefficients(dry: DryFriction) -> tuple[float, float]:
 
 def not_covered(mechanism: Mechanism) -> tuple[str, ...]:
     """Return the contacts whose laws have no equations together: an associated cone beside another law."""
-    return tuple(
-        c.name
-        for c in mechanism.contacts
-        if c.associated
-        and (
-            c.cone.kind != "circle"
-            or c.impact_law == "poisson"
-            or c.compliance is not None
-            or c.static_friction not in (None, c.friction)
-            or max(c.restitution, c.torsional, c.rolling) > 0.0
-        )
-    )
+    return tuple(c.name for c in mechanism.contacts if c.mixes_associated)
 
 
 @lru_cache(maxsize=8)  # one mechanism from many states
