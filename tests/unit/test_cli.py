@@ -30,6 +30,7 @@ def folder(tmp_path_factory):
     path = tmp_path_factory.mktemp("cli")
     (path / "pendulum.toml").write_text(GOOD)
     (path / "taken.csv").mkdir()
+    (path / "full.md").symlink_to("/dev/full")
     words = ("run", "pendulum.toml", "-e", "pinocchio", "-o", "report")
     command = [sys.executable, "-c", "from consilience.cli.main import main; main()", *words]
     done = subprocess.run(command, cwd=path, capture_output=True, text=True, check=False, timeout=600)
@@ -88,6 +89,8 @@ BAD = {
     "report below a file": (["run", "pendulum.toml", "-o", "pendulum.toml/r"], "pendulum.toml/r: it cannot be written"),
     "table below a file": (["crosscheck", "-o", "pendulum.toml/t.md"], "t.md: it cannot be written"),
     "table in no folder": (["coverage", "-o", "nowhere/t.md"], "nowhere/t.md: its folder does not exist"),
+    "report where nothing can be": (["run", "pendulum.toml", "-o", "/proc/r"], "/proc/r: it cannot be written"),
+    "disk that is full": (["values", "double_pendulum", "-o", "full.md"], "full.md: it cannot be written (No space"),
     "values as a folder": (["values", "-o", "taken.csv"], "taken.csv: it is a folder"),
     "sample that does not divide": (
         ["simulate", "pendulum.toml", "-o", "x.csv", "--duration", "1", "--sample", "0.3"],

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from enum import StrEnum
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -224,6 +225,9 @@ def _require_writable(there: Path, path: Path) -> None:
         raise InvalidInput(str(path), f"it cannot be written ({there} is a file)", "Choose another place.")
     if not os.access(there, os.W_OK):
         raise InvalidInput(str(path), f"it cannot be written ({there} is read-only)", "Choose another place.")
+    if there.is_dir():
+        with writing(path), TemporaryFile(dir=there):  # there are folders that nobody can create a file in
+            pass
 
 
 @contextmanager

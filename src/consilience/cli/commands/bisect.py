@@ -19,6 +19,7 @@ from consilience.cli.options import (
     QuestionNames,
     chosen_questions,
     require_folder,
+    writing,
 )
 from consilience.errors import InvalidInput
 from consilience.report.history.changes import DIGITS
@@ -106,8 +107,9 @@ def _asking(
         if engine in results.missing:
             return results.missing[engine]
         own = folder / engine.partition("@")[2]
-        write_record(results, time.perf_counter() - start, own)
-        write_pages(own)
+        with writing(own):
+            write_record(results, time.perf_counter() - start, own)
+            write_pages(own)
         return read_record(own)
 
     return ask

@@ -22,6 +22,7 @@ from consilience.cli.options import (
     chosen_cases,
     chosen_engines,
     require_place,
+    writing,
 )
 from consilience.cli.terminal import print_missing, print_table, progress_bar, say
 from consilience.engine import Profile
@@ -59,7 +60,8 @@ def check(
     else:
         sys.stdout.write(tables.as_json(checks) if form is OutputFormat.JSON else tables.markdown(checks))
     if output is not None:
-        tables.write(checks, output)
+        with writing(output):
+            tables.write(checks, output)
     raise typer.Exit(exit_code(checks.findings, len(checks.missing)))
 
 

@@ -16,6 +16,7 @@ from consilience.cli.options import (
     chosen_cases,
     chosen_engines,
     require_place,
+    writing,
 )
 
 
@@ -41,7 +42,8 @@ def coverage(
             err.print(f"{one.engine}, {one.case}, {one.method}", highlight=False, soft_wrap=True)
     text = campaign.table(found)
     if output is not None:
-        output.write_text(text, encoding="utf-8")
+        with writing(output):
+            output.write_text(text, encoding="utf-8")
     if form is OutputFormat.JSON:
         write_json([asdict(one) | {"covered": getattr(one, "covered", None)} for one in found])
     else:

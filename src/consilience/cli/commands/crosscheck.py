@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from consilience.cli.options import CORES, Form, Jobs, OutputFormat, TablesFile, require_place
+from consilience.cli.options import CORES, Form, Jobs, OutputFormat, TablesFile, require_place, writing
 
 
 def crosscheck(
@@ -29,7 +29,8 @@ def crosscheck(
         typer.echo(f"\r{len(found)} of {mechanisms} mechanisms", nl=False, err=True)
     typer.echo(err=True)
     if output is not None:
-        output.write_text(report(found), encoding="utf-8")
+        with writing(output):
+            output.write_text(report(found), encoding="utf-8")
     if form is OutputFormat.JSON:
         write_json(found)
     else:

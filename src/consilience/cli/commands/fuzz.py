@@ -21,6 +21,7 @@ from consilience.cli.options import (
     chosen_engines,
     connect_cluster,
     require_folder,
+    writing,
 )
 from consilience.cli.terminal import log_to_stderr, print_missing, print_table, progress_bar, say, write_json
 from consilience.compare import write_campaign
@@ -64,7 +65,8 @@ def fuzz(
                 campaign, panel, output, effort, lambda what: bar.update(task, description=f"shrinking: {escape(what)}")
             )
     data = outcome(campaign, found)
-    write_campaign(output, "fuzz", data, markdown(data))
+    with writing(output):
+        write_campaign(output, "fuzz", data, markdown(data))
     if form is OutputFormat.JSON:
         write_json(data)
     elif form is OutputFormat.MARKDOWN:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from consilience.cli.options import CORES, Form, OutputFormat, chosen_cases, chosen_engines, require_folder
+from consilience.cli.options import CORES, Form, OutputFormat, chosen_cases, chosen_engines, require_folder, writing
 
 if TYPE_CHECKING:
     from consilience.audit.mutate.campaign import MutationCampaign
@@ -51,7 +51,8 @@ def mutate(
         campaign = run_campaign(
             tasks, adapters, alarms, jobs, limit, lambda found: bar.update(task, completed=len(found.outcomes))
         )
-    report.write_report(campaign, output)
+    with writing(output):
+        report.write_report(campaign, output)
     if form is OutputFormat.JSON:
         write_json(report.as_json(campaign))
     elif form is OutputFormat.MARKDOWN:
@@ -92,8 +93,9 @@ def _stated_power(
                 f"{trial.engine}, {trial.case}, {trial.question}, {trial.method}, {trial.stated.of}", soft_wrap=True
             )
     text = stated_power.table(found)
-    output.mkdir(parents=True, exist_ok=True)
-    (output / "power.md").write_text(text, encoding="utf-8")
+    with writing(output):
+        output.mkdir(parents=True, exist_ok=True)
+        (output / "power.md").write_text(text, encoding="utf-8")
     if form is OutputFormat.JSON:
         write_json(found)
     else:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from consilience.cli.options import Form, OutputFormat, ReportFolder
+from consilience.cli.options import Form, OutputFormat, ReportFolder, writing
 
 if TYPE_CHECKING:
     from consilience.report.record import Record
@@ -18,7 +18,8 @@ def report(folder: ReportFolder, form: Form = OutputFormat.TEXT) -> None:
     """Render the pages of a report again from its report.jsonl."""
     from consilience.report.pages import write_pages
 
-    write_pages(folder)
+    with writing(folder):
+        write_pages(folder)
     raise typer.Exit(state_report(folder, form))
 
 

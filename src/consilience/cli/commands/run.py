@@ -25,6 +25,7 @@ from consilience.cli.options import (
     require_folder,
     sound_cases,
     tagged_cases,
+    writing,
 )
 from consilience.errors import InvalidInput
 
@@ -108,6 +109,7 @@ def run(
         err.print(f"stopped; answers so far are in {folder}: the same command goes on from there", markup=False)
         raise typer.Exit(130) from None
     store.close()
-    write_record(results, time.perf_counter() - start, folder, jobs)
-    write_pages(folder)
+    with writing(folder):
+        write_record(results, time.perf_counter() - start, folder, jobs)
+        write_pages(folder)
     raise typer.Exit(state_report(folder, form) or (2 if refused else 0))

@@ -86,7 +86,8 @@ def play(
     chosen = case or max(moving, key=lambda name: _largest_difference(replays[name]["motion"]))
     page = run / "report.html"
     if not page.is_file():
-        write_pages(run)
+        with writing(page):
+            write_pages(run)
     address, opened = _open(page, anchor("case", chosen))
     engines = list(record.header["engines"])
     sentences = [f"{chosen}: {len(engines)} engines", f"{'opened' if opened else 'open'}: {address}"]

@@ -12,7 +12,7 @@ import numpy as np
 import typer
 
 from consilience.case import Case
-from consilience.cli.options import CaseNames, Form, OutputFormat, chosen_cases, require_place
+from consilience.cli.options import CaseNames, Form, OutputFormat, chosen_cases, require_place, writing
 from consilience.compare import markdown_table, spread_over_time
 from consilience.compare.instants import Instants
 from consilience.compare.published import Measured, measure_motion, measure_start
@@ -128,7 +128,8 @@ def values(
     missed = [one for one in found if not one.met]
     sentence = f"{len(found)} values of {len(chosen)} cases, {len(missed)} missed"
     if output is not None:
-        output.write_text(HEADING + table(found), encoding="utf-8")
+        with writing(output):
+            output.write_text(HEADING + table(found), encoding="utf-8")
         sentence = f"{sentence}: {output}"
     data = {"missed": len(missed), "values": [_plain(one) for one in found]}
     tables = [] if output is not None else [("expected values", HEADS, list(rows(found)))]
