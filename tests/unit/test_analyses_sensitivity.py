@@ -1,5 +1,7 @@
 """Parameters by path; sensitivities against closed forms, complex steps and independent routes to the derivative."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -10,12 +12,15 @@ from consilience.errors import InvalidInput
 from consilience.mechanism import (
     GROUND,
     Body,
+    BoxPlane,
+    Cone,
     Frame,
     Initial,
     Joint,
     JointSpring,
     Mechanism,
     Spring,
+    contact_parts,
     initial_state,
     rotation_vector_from_quaternion,
     rotation_with_z_axis,
@@ -119,6 +124,32 @@ def test_a_periodic_table_keeps_its_period_and_a_direction_its_length():
     assert np.linalg.norm(after) == pytest.approx(1.0, rel=1e-14)
     assert after[2] == pytest.approx(before[2], rel=1e-13)
     assert np.arctan2(after[1], after[0]) - np.arctan2(before[1], before[0]) == pytest.approx(0.3, rel=1e-12)
+
+
+BOX = load_case("flat_box_drop").mechanism
+CONES = [Cone(), Cone("box", tangent=(1.0, 0.2, 0.0)), Cone("pyramid", 6, 0.1)]
+
+
+@pytest.mark.parametrize("cone", CONES, ids=lambda cone: cone.kind)
+def test_each_parameter_of_a_contact_can_be_changed(cone):
+    """A rotation matrix has three parameters, no facet is a parameter, and the vertices of a pyramid alone turn."""
+    boxes = tuple(replace(c, cone=cone) for c in BOX.contacts if isinstance(c, BoxPlane))
+    assert boxes
+    mechanism = replace(BOX, contacts=boxes)
+    paths = [p for p in parameter_paths(mechanism) if p.startswith("contact.")]
+    for path in paths:
+        assert isinstance(with_parameter(mechanism, path, parameter(mechanism, path) + 1e-9), Mechanism)
+    assert len([path for path in paths if ".orientation." in path]) == 3 * len(boxes)
+    assert len([path for path in paths if path.endswith(".cone.offset")]) == len(boxes) * (cone.kind == "pyramid")
+
+
+def test_a_box_that_is_turned_has_its_corners_elsewhere():
+    """Corners at ``c + R R_y(angle) s`` with the half sizes s of either sign."""
+    box = BOX.contacts[0]
+    turned = with_parameter(BOX, f"contact.{box.name}.orientation.turn[1]", 0.3).contacts[0]
+    turn = np.array([[np.cos(0.3), 0.0, np.sin(0.3)], [0.0, 1.0, 0.0], [-np.sin(0.3), 0.0, np.cos(0.3)]])
+    expected = box.center + box.orientation @ turn @ box.half_sizes
+    assert contact_parts(turned)[-1].center == pytest.approx(expected, rel=1e-14)
 
 
 def test_spellings():

@@ -7,7 +7,7 @@ A path is the kind and name of an element, a field, and an index if the field is
     drive.crank.motion.polynomial[1]    coupling.cam.law.table.y[3]    control.c.target.harmonics[0,1]
     initial.coordinates.shoulder.angle    initial.rates.elbow.angle          (of a case)
 
-``turn[k]`` of a frame or quaternion is the angle, rad, of an additional rotation about its own axis k; its value is
+``turn[k]`` of a frame or an orientation is the angle, rad, of an additional rotation about its own axis k; its value is
 zero. ``turn[k]`` of a direction (axis and normal of a rolling body, lateral of a skate) is about axis k of the
 direction's frame. A product of inertia is one parameter for both entries; so are the ends of a periodic table.
 
@@ -42,8 +42,8 @@ T = TypeVar("T", bound=Mechanism | Case)
 
 _SINGULAR = {"bodies": "body"}
 _DIRECTIONS = (".axis", ".normal", ".lateral")
-_ONLY_OF = {"length": "rod", "pitch": "screw"}
-"""Fields of one joint kind alone."""
+_ONLY_OF = {"length": "rod", "pitch": "screw", "offset": "pyramid", "facets": "none"}
+"""Fields of one kind of joint or cone alone; a count is no parameter."""
 
 PathStep = tuple[str, Any]
 """Step from an object to a part: ("field", name), ("key", key), ("item", index), ("entry", indices) of an array,
@@ -150,7 +150,7 @@ def _inside(value: Any, path: str, steps: tuple[PathStep, ...]) -> Iterator[tupl
     if isinstance(value, Frame):
         yield from _inside(value.p, f"{path}.p", (*steps, ("field", "p")))
         yield from _turns(path, (*steps, ("field", "R")))
-    elif (path.endswith(".orientation") and np.shape(value) == (4,)) or path.endswith(_DIRECTIONS):
+    elif (path.endswith(".orientation") and np.shape(value) in ((4,), (3, 3))) or path.endswith(_DIRECTIONS):
         yield from _turns(path, steps)
     elif isinstance(value, Table) and value.periodic:
         yield from _inside(value.x, f"{path}.x", (*steps, ("field", "x")))
