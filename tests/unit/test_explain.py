@@ -5,7 +5,9 @@ import os
 import re
 import subprocess
 import sys
+from typing import get_args
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -14,8 +16,10 @@ from consilience.cli.explanations import Explanation, Topic, find_explanations, 
 from consilience.cli.main import app
 from consilience.compare import Verdict
 from consilience.compare.rules import INSTANT_RULES, RULES
-from consilience.engine import CONTACT_MODES, Profile, Question, Route
+from consilience.engine import CONTACT_MODES, EVENT_KINDS, Profile, Question, Route
 from consilience.errors import InvalidInput
+from consilience.mechanism import Compliance, Cone, SpherePlane
+from consilience.mechanism.contact_laws import ConeKind, ImpactLaw
 from consilience.report.wording import AT_DEFAULTS, CAUSES, LOOKS
 from pages import ROOT
 from situations import SITUATIONS
@@ -43,6 +47,36 @@ def test_the_words_of_a_report_for_a_verdict_lead_to_it(look):
 @pytest.mark.parametrize("word", ["contact", "stop", "dry friction", "impact", "apart", "bounces end", *CONTACT_MODES])
 def test_what_replays_and_phases_show_of_contacts_is_a_term(word):
     assert find_explanations(word)[0].kind is Topic.TERM
+
+
+LAWS_OF_CONTACT = {
+    "restitution": 0.4,
+    "rebound_threshold": 0.1,
+    "friction": 0.3,
+    "static_friction": 0.5,
+    "associated": True,
+    "torsional": 0.01,
+    "rolling": 0.02,
+}
+MESSAGES = ("jam", "wedged", "cone", "several accelerations", "hops", "open", "overlap", "chatter", "power", "cell")
+
+
+def needs(**law):
+    """What `validate` says that an engine needs for a contact, but for its shapes."""
+    _, *found = SpherePlane("c", "a", np.zeros(3), 0.1, "b", np.zeros(3), np.eye(3)[2], **law).features
+    return [feature for feature in found if feature != "moving plane contact"]
+
+
+WORDS = {
+    *(feature for kind in get_args(ConeKind) for feature in needs(**LAWS_OF_CONTACT, cone=Cone(kind))),
+    *(feature for law in get_args(ImpactLaw) for feature in needs(impact_law=law)),
+    *(*needs(compliance=Compliance(1e4)), *get_args(ConeKind), *get_args(ImpactLaw), *EVENT_KINDS, *MESSAGES),
+}
+
+
+@pytest.mark.parametrize("word", sorted(WORDS))
+def test_laws_of_contact_events_and_words_of_messages_are_explained(word):
+    assert {entry.kind for entry in find_explanations(word)} <= {Topic.TERM, Topic.RULE}
 
 
 def test_rules_and_traps_are_those_of_the_code():
