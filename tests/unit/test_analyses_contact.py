@@ -106,15 +106,32 @@ def test_turns_of_a_driven_joint_tell_whether_its_stop_is_reached():
     """A stop at 7 rad, driven through 6.9 rad, which a pose alone does not tell from 0.6 rad."""
     body = Body("arm", 1.0, ZERO, 0.1 * np.eye(3), Frame(ZERO, np.eye(3)))
     hinge = Joint("hinge", "revolute", GROUND, "arm", Frame(ZERO, np.eye(3)), Frame(ZERO, np.eye(3)))
-    for end, passes in ((7.0, True), (6.5, False)):
+    for end in (7.0, 6.9, 6.5):
         arm = Mechanism("arm", ZERO, (body,), (hinge,), stops=(Stop("end", "hinge", "angle", upper=end),))
         turning = {("hinge", "angle"): lambda t: (6.9 * t * t, 13.8 * t, 13.8)}
+        if end == 6.5:
+            with pytest.raises(
+                InvalidInput, match=r"stop 'end': angle 6\.[5-9].* of 'hinge' is beyond the limit 6\.5 .* at "
+            ):
+                kinematic_motion(arm, turning, np.linspace(0.0, 1.0, 11), initial_state(arm))
+            continue
         motion = kinematic_motion(arm, turning, np.linspace(0.0, 1.0, 11), initial_state(arm))
-        if passes:
+        if end == 7.0:
             assert driven_dynamics(arm, motion).efforts["hinge"]["angle"] == pytest.approx(1.38, abs=1e-12)
             continue
         with pytest.raises(InvalidInput, match=r"stop 'end'.*is 6\.9"):
             driven_dynamics(arm, motion)
+
+
+@pytest.mark.parametrize("name", list(ACTING)[:2])
+def test_no_driven_motion_passes_through_a_wall_or_beyond_a_stop(name):
+    """Driven by 0.3 t, the slider reaches both at 2/3 s, touches for a moment there, and is never beyond 0.2 m."""
+    mechanism, times = replace(slider(1.0, **ACTING[name]), joint_springs=()), np.linspace(0.0, 1.0, 7)
+    touching = {("slide", "distance"): lambda t: (0.2 * np.sin(np.pi * t), 0.0, 0.0)}
+    assert len(kinematic_motion(mechanism, touching, times, at(mechanism, 0.0)).states) == 7
+    through = {("slide", "distance"): lambda t: (0.3 * t, 0.3, 0.0)}
+    with pytest.raises(InvalidInput, match=rf"{name}: .* by .* at 0\.[6-9].*Drive it elsewhere, or leave it out"):
+        kinematic_motion(mechanism, through, times, at(mechanism, 0.0))
 
 
 def test_parameters_of_a_mechanism_with_a_wall_are_refused():

@@ -16,8 +16,9 @@ A disc with its axis a along n touches with its whole rim; the point is then one
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -189,15 +190,23 @@ def refuse_flat_discs(mechanism: Mechanism, state: State) -> None:
                 raise InvalidInput(f"contact '{part.name}'", what, "Tilt it, or state points of its rim as contacts.")
 
 
-def overlaps(mechanism: Mechanism, state: State) -> Iterator[tuple[str, str]]:
-    """Yield the name of each rigid contact that overlaps and of each stop that a joint is beyond, and by how much."""
+def overlaps(
+    mechanism: Mechanism, state: State, values: Mapping[str, Mapping[str, Any]] | None = None
+) -> Iterator[tuple[str, str]]:
+    """Yield the name of each rigid contact that overlaps and of each stop that a joint is beyond, and by how much.
+
+    Joint coordinates have their full turns if their values are given, by the names of joint and coordinate.
+    """
     slack = TOUCHING * characteristic_length(mechanism)
     for contact in mechanism.contacts:
         gap = contact_gap(mechanism, state, contact)
         if gap < -slack and contact.compliance is None:
             yield f"contact '{contact.name}'", f"{contact.body} and {contact.partner} overlap by {-gap:.3g} m"
     for stop in mechanism.stops:
-        q, _ = joint_spring_motion(mechanism, state, stop.joint, stop.coordinate)
+        if values is None:
+            q, _ = joint_spring_motion(mechanism, state, stop.joint, stop.coordinate)
+        else:
+            q = float(values[stop.joint][stop.coordinate])
         room = slack if stop.coordinate == "distance" else TOUCHING
         for limit, beyond in ((stop.lower, -1.0), (stop.upper, 1.0)):
             if limit is not None and beyond * (q - limit) > room:

@@ -138,7 +138,8 @@ def inverse_kinematics(
         best = found if found.error < best.error or attempt == 0 else best
         if best.error <= tolerance:
             pose = at_rest(_closest(task, best, start, tolerance))
-            refuse_passing(mechanism, pose)
+            remedy = "Give another guess, which chooses the branch"
+            refuse_passing(mechanism, pose, "in the pose that meets the target", remedy)
             return pose
     raise Unreachable(_remaining(task, best))
 

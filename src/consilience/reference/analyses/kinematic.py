@@ -45,7 +45,7 @@ from consilience.reference.analyses.joint_rows import (
 )
 from consilience.reference.analyses.placing import CoordinateValues, acceleration_rows, place, require_holonomic
 from consilience.reference.analyses.statics import step_size
-from consilience.reference.analyses.touching import refuse_touching
+from consilience.reference.analyses.touching import refuse_passing, refuse_touching
 from consilience.reference.bodies.canonical import joint_wrenches, sample_times
 
 DriveFunction = Callable[[float], tuple[ArrayLike, ArrayLike, ArrayLike] | Array]
@@ -165,7 +165,8 @@ def kinematic_motion(mechanism: Mechanism, drives: Drives, times: ArrayLike, gue
     Raises
     ------
     InvalidInput
-        Unknown coordinates, a wrong number of drives, values of a wrong shape, rolling bodies and skates.
+        Unknown coordinates, a wrong number of drives, values of a wrong shape, rolling bodies and skates; a pose in
+        which rigid shapes overlap or a joint is beyond a stop, with its time.
     CannotAssemble
         If the first pose cannot be assembled.
     SingularDrive
@@ -294,6 +295,7 @@ def _solved(driven: _DrivenMechanism, given: _Prescribed, placed: State, near: C
     """Solve for velocities and accelerations at an assembled pose."""
     mechanism, coordinates = driven.mechanism, list(driven.functions)
     counted = coordinate_values(mechanism, placed, near)
+    refuse_passing(mechanism, placed, f"at {given.t:.6g} s", "Drive it elsewhere", counted)
     Q, _ = acceleration_rows(mechanism, placed, counted)
     rows, _ = coordinate_rows(mechanism, placed, coordinates)
     S = np.vstack([Q, rows])

@@ -7,6 +7,7 @@ from typing import Any
 
 from consilience.errors import InvalidInput
 from consilience.mechanism import Mechanism, State, acting, overlaps
+from consilience.reference.analyses.placing import CoordinateValues
 
 
 def refuse_touching(mechanism: Mechanism, state: State, values: Mapping[str, Mapping[str, Any]] | None = None) -> None:
@@ -26,13 +27,26 @@ def refuse_touching(mechanism: Mechanism, state: State, values: Mapping[str, Map
         raise InvalidInput(name, f"{what}, and the equations of this analysis have no force of it", remedy)
 
 
-def refuse_passing(mechanism: Mechanism, state: State) -> None:
+def refuse_passing(
+    mechanism: Mechanism, state: State, where: str, remedy: str, values: CoordinateValues | None = None
+) -> None:
     """Refuse a pose that was found where rigid shapes overlap, or a joint is beyond a stop.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    state : State
+    where, remedy : str
+        Which pose it is, and what to do if the contact or stop stays in the mechanism, for the message.
+    values : mapping of joint coordinate to value, optional
+        Joint coordinates with their full turns; default: angles are within half a turn of zero.
 
     Raises
     ------
     InvalidInput
     """
-    for name, what in overlaps(mechanism, state):
-        remedy = "Give another guess, which chooses the branch, or leave it out of the mechanism."
-        raise InvalidInput(name, f"{what} in the pose that meets the target", remedy)
+    named: dict[str, dict[str, Any]] = {}
+    for (joint, coordinate), value in (values or {}).items():
+        named.setdefault(joint.name, {})[coordinate] = value
+    for name, what in overlaps(mechanism, state, named or None):
+        raise InvalidInput(name, f"{what} {where}", f"{remedy}, or leave it out of the mechanism.")
