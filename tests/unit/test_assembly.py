@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from consilience import Drawing, sine
+from consilience import Drawing, linear, sine
 from consilience.case import load_case
 from consilience.errors import CannotAssemble, InvalidInput
 from consilience.mechanism import (
@@ -266,6 +266,21 @@ def test_a_rate_beside_a_drive_is_refused_with_what_the_drive_makes_it():
     drawing.add("drive", "motor", joint="track", coordinate="distance", motion=sine(0.1, 12.0))
     with pytest.raises(CannotAssemble, match=r"joint 'track', .* is to be -3, but .*drives.* make it 1\.2:"):
         _ = drawing.case(rates={"track": {"distance": -3.0}}, duration=1.0).initial_state
+
+
+def test_a_held_coordinate_against_a_drive_is_named_with_it():
+    """Held at 0.3 m and driven to 0.1 m: half of the difference is left in each, the least sum of squares."""
+    drawing = Drawing("belt", gravity=(0.0, 0.0, -9.81))
+    drawing.body("belt", mass=2.0, com=(0.1, 0.0, 0.0), inertia=(0.1, 0.2, 0.25))
+    drawing.joint("track", "prismatic", "ground", "belt", at=(0.0, 0.0, 0.0), axis=(1.0, 2.0, 2.0))
+    drawing.add("drive", "motor", joint="track", coordinate="distance", motion=linear(0.5, 0.1))
+    with pytest.raises(
+        CannotAssemble, match=r"it stays violated by 0\.1 after \d+ iterations, beside .* \(0\.1\)"
+    ) as told:
+        _ = drawing.case(start={"track": 0.3}, duration=1.0).initial_state
+    assert "drive 'motor'" in str(told.value)
+    assert "joint 'track', held distance" in str(told.value)
+    assert drawing.case(start={"track": 0.1}, duration=1.0).initial_state.p_WB[0] @ [1, 2, 2] == pytest.approx(0.3)
 
 
 def test_rates_that_agree_with_the_loop_may_be_held_twice():

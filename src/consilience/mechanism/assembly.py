@@ -42,6 +42,7 @@ from consilience.mechanism.spatial import (
     rotation_from_quaternion,
     rotation_vector_from_quaternion,
 )
+from consilience.mechanism.unassembled import stays_violated
 from consilience.mechanism.units import characteristic_length
 
 MAX_ITERATIONS = 30
@@ -297,12 +298,8 @@ def assemble_positions(
         if n == iterations:
             break
     if before > CONVERGED * max(1.0, largest_residual(state.p_WB) / characteristic_length(mechanism)):
-        worst = int(np.argmax(np.abs(residual)))
-        raise CannotAssemble(
-            f"mechanism '{mechanism.name}': {row_names(mechanism, held, velocities=False)[worst]}",
-            f"it stays violated by {abs(residual[worst] * rows[worst]):.3g} after {iterations} iterations",
-            "Draw the mechanism closer to an assembled pose, or hold fewer or other joint coordinates.",
-        )
+        names = row_names(mechanism, held, velocities=False)
+        raise stays_violated(mechanism, names, residual, rows, iterations, "hold")
     refuse_flipped(mechanism, state)
     return state
 

@@ -11,7 +11,7 @@ from itertools import islice
 
 import numpy as np
 
-from consilience.errors import CannotAssemble, InvalidInput
+from consilience.errors import InvalidInput
 from consilience.mechanism import (
     Array,
     Mechanism,
@@ -31,6 +31,7 @@ from consilience.mechanism.assembly import (
     row_lengths,
     row_names,
 )
+from consilience.mechanism.unassembled import stays_violated
 from consilience.reference.analyses.joint_rows import JointCoordinate
 
 CoordinateValues = Mapping[JointCoordinate, Array]
@@ -77,11 +78,7 @@ def place(mechanism: Mechanism, guess: State, held: CoordinateValues, near: Coor
             break
         before = error
     if error > 10.0 * CONVERGED * max(1.0, largest_residual(state.p_WB) / characteristic_length(mechanism)):
-        worst = int(np.argmax(np.abs(residual)))
-        raise CannotAssemble(
-            f"mechanism '{mechanism.name}': {row_names(mechanism, wanted, velocities=False)[worst]}",
-            f"it stays violated by {abs(residual[worst] * rows[worst]):.3g} after {MAX_ITERATIONS} iterations",
-            "Draw the mechanism closer to an assembled pose, or drive fewer or other joint coordinates.",
-        )
+        names = row_names(mechanism, wanted, velocities=False)
+        raise stays_violated(mechanism, names, residual, rows, MAX_ITERATIONS, "drive")
     refuse_flipped(mechanism, state)
     return state
