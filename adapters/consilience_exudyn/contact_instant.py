@@ -284,13 +284,15 @@ def _solve(equations: Equations, f: Array, active: Sequence[_Active]) -> tuple[A
     rhs = np.concatenate([equations.gamma, *(one.rhs for one in active)])
     free = np.linalg.solve(M, f)
     cost = np.concatenate([np.ones(len(J)), *(np.array([1.0, _DEAR, _DEAR])[: len(one.rhs)] for one in active)])
-    A = S @ np.linalg.solve(M, C.T)
-    U, singular, Vt = np.linalg.svd(A)  # without the costs, by which nearly dependent rows would seem dependent
+    response = np.linalg.solve(M, C.T)
+    U, singular, Vt = np.linalg.svd(S @ response)  # without the costs, by which nearly dependent rows seem dependent
     rank = int(np.sum(singular > _RANK * np.max(singular, initial=0.0)))
-    x, open_ = Vt[:rank].T @ (U[:, :rank].T @ (rhs - S @ free) / singular[:rank]), Vt[rank:].T
+    x, open_ = np.zeros(len(rhs)), Vt[rank:].T
+    for _ in range(2):  # the second time for what rounding has left, as weights are large beside a small inertia
+        x = x + Vt[:rank].T @ (U[:, :rank].T @ (rhs - S @ (free + response @ x)) / singular[:rank])
     x = x - open_ @ np.linalg.lstsq(cost[:, None] * open_, cost * x, rcond=None)[0]
     ends = np.cumsum([len(J), *(len(one.rhs) for one in active)])
-    return free + np.linalg.solve(M, C.T @ x), x[: len(J)], np.split(x, ends)[1:-1]
+    return free + response @ x, x[: len(J)], np.split(x, ends)[1:-1]
 
 
 def _refuse_start(one: _Active | None) -> None:

@@ -77,6 +77,22 @@ def test_a_motion_that_starts_to_slide_has_the_normal_force_of_its_start(mu):
     assert seen.normal == pytest.approx(2.0 * G * np.cos(np.radians(20.0)), rel=1e-9)
 
 
+def test_a_foot_with_a_heavy_cart_above_stands_still_to_rounding():
+    """The weight of 40 kg on a drive 0.9 m up, beside a foot of 0.1 kg m^2: nothing moves, to 1e-13 of gravity."""
+    draw = Drawing("foot", gravity=(0.0, 0.0, -9.81))
+    draw.body("foot", mass=8.0, inertia=(0.1, 0.1, 0.1), at=(0.0, 0.0, 0.03))
+    draw.body("cart", mass=40.0, inertia=(1.0, 1.0, 1.0), at=(0.0, 0.0, 0.9))
+    draw.joint("flight", "free", "ground", "foot", at=(0.0, 0.0, 0.03))
+    draw.joint("rail", "prismatic", "foot", "cart", at=(0.0, 0.0, 0.9), axis=(1.0, 0.0, 0.0))
+    draw.add("drive", "motor", joint="rail", coordinate="distance", motion=constant(0.0))
+    sole = {"at": (0.0, 0.0, 0.03), "half_sizes": (0.02, 0.05, 0.03), "friction": 0.8}
+    draw.add("contact", "sole", body="foot", point=(0.0, 0.0, 0.0), normal=(0.0, 0.0, 1.0), **sole)
+    case = draw.case()
+    answer = asked(case.mechanism, case.initial_state)
+    assert max(np.max(np.abs(answer.a_WB_W)), np.max(np.abs(answer.alpha_WB_W))) < 1e-13 * 9.81
+    assert answer.contact_force[0, 0] == pytest.approx([0.0, 0.0, 48.0 * 9.81], rel=1e-12, abs=1e-11)
+
+
 def test_an_instant_of_an_impact_is_refused():
     with pytest.raises(RuntimeError, match=r"closes at 0\.5 m/s"):
         asked(ball(LAB, 0.1, (0, 0, 0)), LAB.state([0, 0, 0.1], [0, 0, -0.5]))
