@@ -629,6 +629,40 @@ def test_an_impact_of_several_contacts_is_noticed(case, together):
     assert ReferenceMotion(answer, np.zeros(len(answer.time)), 8).joint_impact == pytest.approx(together, abs=1e-11)
 
 
+def first_joint_impact(found):
+    return ReferenceMotion(found, np.zeros(len(found.time)), 8).joint_impact
+
+
+@pytest.mark.parametrize("last", [1.0, 0.0])
+def test_contacts_that_stay_closed_take_part_in_an_impact(last):
+    """A ball strikes two that touch, e = 1: it leaves with -1/3 of its speed, they stay together, pressed, with 2/3."""
+    draw = cs.Drawing("line", gravity=(0, 0, 0))
+    places = {"a": -0.3, "b": 0.0, "c": 0.2}
+    for name, x in places.items():
+        draw.body(name, mass=2.0, inertia=(0.01, 0.01, 0.01), at=(x, 0, 0))
+        draw.joint(f"track_{name}", "prismatic", "ground", name, at=(x, 0, 0), axis=(1, 0, 0))
+    for one, other, e in (("a", "b", 1.0), ("b", "c", last)):
+        balls = {"at": (places[other], 0, 0), "partner_at": (places[one], 0, 0), "radius": 0.1, "partner_radius": 0.1}
+        draw.add("contact", f"{one}{other}", body=other, partner=one, restitution=e, **balls)
+    draw.add("force", "pressed", body="c", vector=(-1e-6, 0, 0), frame="world", at=(0.2, 0, 0))
+    found = cs.simulate(draw.case(rates={"track_a": 1.0}, duration=0.2, sample=0.04))
+    assert found.v_WB_W[-1, :, 0] == pytest.approx([-1 / 3, 2 / 3, 2 / 3], abs=1e-6)
+    assert len(found.event_time) == 1
+    assert first_joint_impact(found) == pytest.approx(0.1, abs=1e-6)
+
+
+def test_a_floor_that_bears_a_weight_takes_no_part_in_an_impact_on_a_wall():
+    draw = cs.Drawing("alley", gravity=(0, 0, -9.81))
+    draw.body("ball", mass=2.0, inertia=(0.01, 0.01, 0.01), at=(0, 0, 0.1))
+    draw.joint("flight", "free", "ground", "ball", at=(0, 0, 0.1))
+    ball = {"body": "ball", "at": (0, 0, 0.1), "radius": 0.1, "restitution": 0.5}
+    draw.add("contact", "floor", point=(0, 0, 0), normal=(0, 0, 1), **ball)
+    draw.add("contact", "wall", point=(0.2, 0, 0), normal=(-1, 0, 0), **ball)
+    found = cs.simulate(draw.case(rates={"flight": {"position": [1.0, 0.0, 0.0]}}, duration=0.2, sample=0.04))
+    assert found.v_WB_W[-1, 0] == pytest.approx([-0.5, 0.0, 0.0], abs=1e-12)
+    assert first_joint_impact(found) == np.inf
+
+
 @pytest.mark.parametrize("name", ["impacts that scatter", "impacts, another restitution"])
 def test_a_verdict_behind_an_impact_of_several_contacts_says_that_any_gap_changes_it(name):
     (situation,) = (each for each in SITUATIONS if each.name == name)

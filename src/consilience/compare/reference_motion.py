@@ -21,6 +21,9 @@ SLIDING = 1
 _EVEN = 1e-9
 """Relative difference of inertias, and distance of a centre, that count as none."""
 
+_SHARE = 0.1
+"""Share of the impulse of an impact from which another contact takes part in it."""
+
 _SAMPLED = (
     *("time", "p_WB", "quat_WB", "v_WB_W", "w_WB_W"),
     *("contact_gap", "contact_impulse", "contact_mode", "contact_loss"),
@@ -135,12 +138,33 @@ class ReferenceMotion:
 
     @property
     def joint_impact(self) -> float:
-        """Time of the first impact of several contacts, s: another one hits or opens at that instant; else infinite."""
+        """Time of the first impact of several contacts, s; infinite if there is none.
+
+        Another contact hits or opens at that instant, or stays closed and bears a share of the impulse.
+        """
         times, contacts = self.answer.event_time, self.answer.event_contact
         if times is None or contacts is None:
             return np.inf
         times, contacts = np.asarray(times), np.asarray(contacts)
-        return min((t for t in self.impacts if len(set(contacts[times == t])) > 1), default=np.inf)
+        for t in self.impacts:
+            hit = {int(n) for n in contacts[times == t]}
+            if len(hit) > 1 or self._shared(min(hit), t):
+                return float(t)
+        return np.inf
+
+    def _shared(self, hit: int, t: float) -> bool:
+        """Whether the impulse of a contact without events jumps in the sample interval of an impact of another one."""
+        impulses, time = self.answer.contact_impulse, self.answer.time
+        i = int(np.searchsorted(time, t))
+        near = i - 1 if i > 1 else i + 1  # an interval beside it, for what a contact that lasts bears anyway
+        if impulses is None or hit >= impulses.shape[1] or not 0 < i < len(time) or near >= len(time):
+            return False
+        first, last = min(i, near) - 1, max(i, near)
+        within = (np.asarray(self.answer.event_time) > time[first]) & (np.asarray(self.answer.event_time) <= time[last])
+        lasting = np.setdiff1d(np.arange(impulses.shape[1]), np.asarray(self.answer.event_contact)[within])
+        anyway = impulses[near] * (time[i] - time[i - 1]) / (time[near] - time[near - 1])
+        jumps = np.linalg.norm(impulses[i] - anyway, axis=1)
+        return bool(np.any(jumps[lasting] > _SHARE * jumps[hit]))
 
     @property
     def mode_changes(self) -> Array:
