@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import consilience as cs
 from consilience.case import Case
 from consilience.compare.instants import Instants
 from consilience.engine import Question
@@ -35,6 +36,7 @@ from consilience.reference.analyses import (
     kinematic_motion,
     linearise,
     linearise_steady_motion,
+    sensitivity,
     static_equilibrium,
     trajectory_sensitivity,
 )
@@ -81,6 +83,22 @@ def test_analyses_refuse_by_name_what_acts_and_is_none_of_their_forces(name):
     ):
         with pytest.raises(InvalidInput, match=name):
             analysis()
+
+
+def test_a_sensitivity_of_a_motion_with_contacts_is_told_where_it_is_found():
+    """A box slides to rest in the way v^2/(2 mu g), whose derivative by mu is -1/mu of it."""
+    draw = cs.Drawing("box", gravity=(0.0, 0.0, -9.81))
+    draw.body("box", mass=2.0, inertia=(0.03, 0.03, 0.05), at=(0.0, 0.0, 0.1))
+    draw.joint("flight", "free", "ground", "box", at=(0.0, 0.0, 0.1))
+    floor = {"point": (0.0, 0.0, 0.0), "normal": (0.0, 0.0, 1.0), "friction": 0.3}
+    draw.add("contact", "floor", body="box", at=(0.0, 0.0, 0.1), half_sizes=(0.2, 0.2, 0.1), **floor)
+    case, times = draw.case(rates={"flight": {"position": [1.0, 0.0, 0.0]}}), [0.0, 1.0]
+    paths = ["contact.floor.friction"]
+    with pytest.raises(InvalidInput, match=r"contact 'floor': .* no contact.*Use sensitivity: differences"):
+        trajectory_sensitivity(case.mechanism, lambda m: case.initial_state, times, paths)
+    found = sensitivity(case.mechanism, lambda m: cs.simulate(m, case.initial_state, times).p_WB[-1, 0, 0], paths)
+    assert found.value == pytest.approx(1.0 / (2.0 * 0.3 * 9.81), rel=1e-10)
+    assert found.derivatives[0] == pytest.approx(-1.0 / (2.0 * 0.3**2 * 9.81), rel=1e-8)
 
 
 @pytest.mark.parametrize("name", ACTING)

@@ -22,8 +22,8 @@ from consilience.errors import InvalidInput, NumericalFailure, in_range, require
 from consilience.mechanism import Array, Initial, Mechanism, State, drawing_state, float_array, initial_state
 from consilience.mechanism.start import Start, checked_start
 from consilience.reference.analyses.parameters import change_of
+from consilience.reference.analyses.touching import refuse_laws
 from consilience.reference.bodies.canonical import sample_times
-from consilience.reference.bodies.smooth_equations import refuse_contacts
 from consilience.reference.solver import refuse_steep_friction, simulate
 from consilience.reference.states.assembly import CompiledAssembly
 from consilience.reference.tree.parameter_sets import OtherStructure, ParameterSets
@@ -35,13 +35,11 @@ _PARTS = 4
 """Number of parts for each thread, because sets are not equally fast."""
 
 
-def _refuse_contacts(mechanism: Mechanism) -> None:
-    try:
-        refuse_contacts(mechanism)
-    except InvalidInput as error:
-        what = "the compiled model of many motions has no contact, stop or friction that sticks"
-        remedy = "Simulate one by one: [consilience.simulate(mechanism, state, times) for state in states]."
-        raise InvalidInput(error.where, what, remedy) from None
+_ONE_BY_ONE = (
+    "Simulate one by one: [consilience.simulate(mechanism, state, times) for state in states]; "
+    "consilience.reference.analyses.with_parameter sets a parameter."
+)
+"""What to do in place of many motions with contacts."""
 
 
 def starts_of(states: Iterable[State]) -> list[State]:
@@ -196,7 +194,7 @@ def simulate_many(
         with one set is among the failures.
     """
     in_range("tolerance", tolerance, 1e-14, 1e-3, "Choose 1e-14 to 1e-3.")
-    _refuse_contacts(base)
+    refuse_laws(base, "the compiled model of many motions", _ONE_BY_ONE)
     for mechanism in mechanisms if base.frictions else ():
         refuse_steep_friction(mechanism)
     found, count, lock = ManyMotions.empty(len(mechanisms), sample_times(times), len(base.bodies)), [0], Lock()

@@ -8,6 +8,7 @@ from typing import Any
 from consilience.errors import InvalidInput
 from consilience.mechanism import Mechanism, State, acting, overlaps
 from consilience.reference.analyses.placing import CoordinateValues
+from consilience.reference.bodies.smooth_equations import first_contact
 
 
 def refuse_touching(mechanism: Mechanism, state: State, values: Mapping[str, Mapping[str, Any]] | None = None) -> None:
@@ -25,6 +26,18 @@ def refuse_touching(mechanism: Mechanism, state: State, values: Mapping[str, Map
     for name, what in acting(mechanism, state, values):
         remedy = "Give a state that nothing touches, or simulate_with_contacts, which has these forces."
         raise InvalidInput(name, f"{what}, and the equations of this analysis have no force of it", remedy)
+
+
+def refuse_laws(mechanism: Mechanism, equations: str, remedy: str) -> None:
+    """Refuse a mechanism with contacts, stops or dry friction, of which some equations have none.
+
+    Raises
+    ------
+    InvalidInput
+    """
+    for refusal in first_contact(mechanism):
+        what = f"{equations} has no contact, stop or friction that sticks"
+        raise InvalidInput(refusal.feature, what, remedy)
 
 
 def refuse_passing(

@@ -21,11 +21,11 @@ from consilience.errors import NumericalFailure
 from consilience.mechanism import Angles, Array, Mechanism, State, constraint_residual, move, quaternion_product
 from consilience.reference.analyses.parameters import T, parameter, with_parameter
 from consilience.reference.analyses.sensitivity import parameter_scale, ridders
+from consilience.reference.analyses.touching import refuse_laws
 from consilience.reference.bodies.arrays import ANGLE, Model, P, flatten, pack, unpack, workspace
 from consilience.reference.bodies.canonical import sample_times
 from consilience.reference.bodies.forces import count_turns
 from consilience.reference.bodies.projection import project
-from consilience.reference.bodies.smooth_equations import refuse_contacts
 from consilience.reference.formulations import compiled_choice
 
 _STEP = 1e-3
@@ -101,7 +101,8 @@ def trajectory_sensitivity(
     """
     t = sample_times(times)
     mechanism = _mechanism(subject)
-    refuse_contacts(mechanism)
+    differences = "Use sensitivity: differences of a result of consilience.simulate."
+    refuse_laws(mechanism, "the system of variational equations", differences)
     parameters = [_prepared(subject, path) for path in paths]
     y0 = pack(mechanism, start(subject))
     first = [y0, *(_initial(subject, start, path, y0) for path in paths)]
