@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -136,7 +137,7 @@ class ReferenceMotion:
             np.zeros(0) if kinds is None or times is None else np.unique(np.asarray(times)[np.asarray(kinds) == IMPACT])
         )
 
-    @property
+    @cached_property
     def joint_impact(self) -> float:
         """Time of the first impact of several contacts, s; infinite if there is none.
 
