@@ -6,12 +6,13 @@ function of the step h, the softness s and the time.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from consilience.compare import Comparison, ReferenceMotion, Verdict, compare_trajectory
+from consilience.compare.coprime_steps import coprime_substeps
 from consilience.compare.motion import size_of_motion
 from consilience.compare.power import MotionSensitivity
 from consilience.compare.reference_motion import OtherLaw
@@ -37,6 +38,7 @@ SHAPE = np.sin(3 * TIMES) * TIMES / 1.46
 
 STEPS = (0.02, 0.01, 0.005)
 FIVE = (0.02, 0.01, 0.005, 0.0025, 0.00125)
+EIGHT = tuple(0.02 / 2**n for n in range(8))
 
 
 def motion(displacement: object = 0.0) -> TrajectoryAnswer:
@@ -84,13 +86,19 @@ class Situation:
     hard: float | None = None
     velocity: float = 1.0
     velocity_slope: float = 0.0
+    coprime: bool = False
+    soft_at_rest: bool = False
 
     def judge(self) -> Comparison:
         """Verdict of the rules on this error."""
         substeps = tuple(10 * 2**n for n in range(len(self.steps)))
         levels = {"tolerances": self.steps} if self.tolerances else {"substeps": substeps}
         method = Method(
-            "m", Route.NATIVE, self.order, profile=self.profile, softness=1.0 if self.soft else None, **levels
+            *("m", Route.NATIVE, self.order),
+            **levels,
+            profile=self.profile,
+            softness=1.0 if self.soft else None,
+            soft_at_rest=self.soft_at_rest,
         )
         runs = [self._run(method, n, h, 1.0) for n, h in enumerate(self.steps)]
         softer = [
@@ -107,7 +115,15 @@ class Situation:
         hard = None if self.hard is None else motion(SIZE * self.hard * SHAPE)
         law = OtherLaw(self.other, "another law", motion(SIZE * OTHER * SHAPE), hard) if self.other else None
         yard = ReferenceMotion(true, spread, self.digits, self.growth, self.dispute, acting, self.singular, law)
-        return compare_trajectory(MECHANISM, runs, yard, softer, self.earlier, self.lost)
+        between = list(self._between(method)) if self.coprime else []
+        return compare_trajectory(MECHANISM, [*runs, *between], yard, softer, self.earlier, self.lost)
+
+    def _between(self, method: Method) -> Iterator[Run]:
+        """Motions at coprime steps, and at another softness if there is one."""
+        most, other = max(SCALES[self.profile]), self.soft or self.soft_at_rest
+        for one, s in ((method, 1.0), *([(replace(method, softness=most), most)] if other else [])):
+            for n, substeps in enumerate(coprime_substeps(TIMES[1] / self.steps[-1])):
+                yield replace(self._run(one, n, TIMES[1] / substeps, s), coprime=True)
 
     def _with_events(self) -> TrajectoryAnswer:
         """The true motion, with an event of some contacts, or more of them; what reverses slides from the start."""
@@ -168,6 +184,14 @@ def phase(size: float) -> Error:
     """Error of an impact: random, within a multiple of the step."""
     return lambda h, _: size * h * np.random.default_rng(round(1e6 * h)).uniform(0.3, 1.0)
 
+
+def hops(size: float, power: float = 0.0) -> Error:
+    """Error of what hops: random, in proportion to a power of the step."""
+    return lambda h, _: size * (h / 0.02) ** power * np.random.default_rng(round(1e9 * h)).uniform(-1.0, 1.0)
+
+
+SCATTERED = {"order": 1, "steps": EIGHT, "coprime": True, "event": "slips", "profile": DEFAULT}
+"""Levels that hop, and motions at coprime steps."""
 
 SITUATIONS = (
     # ---------------------------------------------------------------- agreement
@@ -304,6 +328,55 @@ SITUATIONS = (
     ),
     Situation("a contact that opens, too far", lambda h, s: 0.1 + 0.3 * h**4, M, "elsewhere", order=4, event="opens"),
     Situation("impacts that scatter", noise(0.05), U, "impacts unclear", order=1, event="impact"),
+    Situation("hops about another motion", lambda h, s: 0.02 + hops(0.01)(h, s), M, "scatter elsewhere", **SCATTERED),
+    Situation(
+        "hops about another motion, less at smaller steps",
+        lambda h, s: 0.02 + hops(0.02, 0.25)(h, s),
+        M,
+        "scatter elsewhere",
+        **SCATTERED,
+    ),
+    Situation(
+        "hops about another motion, whatever the softness",
+        lambda h, s: 0.02 + hops(0.01)(h, s),
+        M,
+        "scatter elsewhere",
+        soft_at_rest=True,
+        **SCATTERED,
+    ),
+    Situation(
+        "hops about a motion that softness moves",
+        lambda h, s: 0.02 * s**0.5 + hops(0.01)(h, s),
+        U,
+        "not asymptotic",
+        soft_at_rest=True,
+        **SCATTERED,
+    ),
+    Situation("hops about the motion", hops(0.01), U, "not asymptotic", **SCATTERED),
+    Situation(
+        "hops about the motion, with a root of the step",
+        lambda h, s: 0.3 * h**0.5 + hops(0.01)(h, s),
+        U,
+        "wide band",
+        **SCATTERED,
+    ),
+    Situation(
+        "hops about the motion, with the square of the step",
+        lambda h, s: 500.0 * h**2 + hops(0.01)(h, s),
+        U,
+        "not asymptotic",
+        **SCATTERED,
+    ),
+    Situation(
+        "hops about the motion, with a fourth root of the step",
+        lambda h, s: 0.05 * h**0.25 + hops(0.01)(h, s),
+        U,
+        "not asymptotic",
+        **SCATTERED,
+    ),
+    Situation(
+        "hops about another motion, saturated", lambda h, s: 1.0 + hops(0.5)(h, s), U, "not asymptotic", **SCATTERED
+    ),
     Situation("a pyramid for the cone", lambda h, s: OTHER + 0.02 * h, M, "cone shape", order=1, other="cone shape"),
     Situation(
         "a pyramid, different at an instant already",

@@ -7,6 +7,7 @@ import pytest
 
 from consilience.case import Case
 from consilience.compare import ReferenceMotion, Verdict
+from consilience.compare.coprime_steps import COUNT
 from consilience.compare.judge import REFERENCE, judge_case, stable_levels
 from consilience.compare.power import MotionSensitivity
 from consilience.compare.rules import RULES
@@ -26,6 +27,7 @@ from consilience.engine import (
 from consilience.engine.worker.client import Reply
 from consilience.engine.worker.requests import Plan
 from consilience.mechanism import GROUND, Body, Frame, Initial, Joint, JointSpring, Mechanism, SpherePlane
+from consilience.suite.coprime_runs import finest_affordable
 from consilience.suite.engine_runs import EngineCase
 from mechanisms import chain
 from situations import MECHANISM, SHAPE, SITUATIONS, SIZE, TIMES, TRUE, Situation, motion
@@ -293,6 +295,58 @@ def test_a_rate_beyond_all_steps_is_named():
     assert "1e-09 s or less" in found.why
     slow = judge_case(damped(10.0), [truth, run])
     assert [c.verdict for c in slow if c.engine == "e"] == [Verdict.FAILED]
+
+
+def hopping(limit):
+    """An error that is random at any step, about a limit."""
+    return lambda h, s: limit(s) + 0.01 * np.random.default_rng(round(1e9 * h)).uniform(-1.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("limit", "at_rest", "touches", "rule"),
+    [
+        (lambda s: 0.02, False, True, "scatter elsewhere"),
+        (lambda s: 0.02, True, True, "scatter elsewhere"),
+        (lambda s: 0.02 * s, True, True, "not asymptotic"),
+        (lambda s: 0.0, False, True, "not asymptotic"),
+        (lambda s: 0.02, False, False, "not asymptotic"),
+    ],
+    ids=["elsewhere", "elsewhere, soft at rest", "soft", "here", "without contact"],
+)
+def test_motions_that_scatter_in_contact_are_asked_at_coprime_steps(limit, at_rest, touches, rule):
+    name, zero = MECHANISM.bodies[0].name, np.zeros(3)
+    floor = SpherePlane("floor", name, zero, 0.1, GROUND, zero, np.array([2.0, -1.0, 2.0]), friction=0.3)
+    case = replace(CASE, mechanism=replace(MECHANISM, contacts=(floor,) if touches else ()))
+    slips = {"event_time": [0.5], "event_kind": [EVENT_KINDS.index("slips")], "event_contact": [0]}
+    yard = replace(YARD, answer=replace(TRUE, **{name: np.array(value) for name, value in slips.items()}))
+    softness = {"softness": 1.0, "soft_at_rest": True, "profile": Profile.DEFAULT} if at_rest else {}
+    method = Method("m", Route.NATIVE, 1, tuple(THREE), **softness)
+    plan = Plan({Question.TRAJECTORY: ()}, {Question.TRAJECTORY: (method,)}, {})
+    worker = Known(lambda h, s: hopping(limit)(h, s or 1.0), 0.0, 0.0)
+    runs = list(EngineCase(worker, case, plan, reference_motion=yard).question(Question.TRAJECTORY))
+    coprime = [run for run in runs if run.coprime]
+    assert len(coprime) == (touches * (1 + at_rest)) * COUNT
+    assert {run.method.softness for run in coprime} == ({None, 0.01} if at_rest else {None} if touches else set())
+    assert len(runs) - len(coprime) == MOST_LEVELS
+    truth = Run(
+        "c", REFERENCE, Question.TRAJECTORY, Method("r", Route.REFERENCE), 0, None, Status.ANSWERED, yard.answer
+    )
+    (found,) = (c for c in judge_case(case, [truth, *runs]) if c.engine == "known")
+    assert found.rule == rule
+    assert len(found.levels) == MOST_LEVELS
+    assert ("coprime steps" in found.why) == touches
+    (found,) = (c for c in judge_case(case, [truth, *runs[:-1]]) if c.engine == "known")
+    assert found.rule == "not asymptotic"  # one of the motions is missing
+
+
+def test_motions_at_coprime_steps_take_no_longer_than_their_budget():
+    """The shortest of 24 steps is a level's from which all take 7.0 times as long, and 10 s at most."""
+    method = Method("m", Route.NATIVE, 1, tuple(THREE))
+    levels = [Run("c", "e", Question.TRAJECTORY, method, n, SAMPLE / 10 / 2**n, Status.ANSWERED) for n in range(8)]
+    assert finest_affordable([replace(run, cpu=0.01 * 2**run.level) for run in levels]) == levels[7].step
+    assert finest_affordable([replace(run, cpu=0.02 * 2**run.level) for run in levels]) == levels[6].step
+    assert finest_affordable([replace(run, cpu=0.05 * 2**run.level) for run in levels]) is None
+    assert finest_affordable(levels[:5]) is None
 
 
 @pytest.mark.parametrize("situation", [s for s in SITUATIONS if s.soft], ids=lambda s: s.name)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from consilience.compare.coprime_steps import CoprimeLimit
 from consilience.compare.other_laws import COMPLIANCE
 from consilience.compare.power import LARGEST
 from consilience.compare.softness import EXPLAINED, Softness
@@ -124,6 +125,8 @@ class Evidence:
     off_soft : float
         Difference of the finest level, or of the limit of the steps if smaller, to the reference's motion under the law
         of soft contacts that the method solves; infinite if the reference has none.
+    coprime : CoprimeLimit or None
+        Limit of motions at coprime steps; None where none were asked for.
     velocities : float
         Relative difference of the velocities: of the finest level, or of the limit at order one if smaller, because a
         method may have a lower order in velocities than in poses.
@@ -172,6 +175,7 @@ class Evidence:
     off_hard: float = 0.0
     touching: bool = False
     off_soft: float = math.inf
+    coprime: CoprimeLimit | None = None
 
     @property
     def allowed(self) -> float:
@@ -270,6 +274,12 @@ class Evidence:
         """Whether neither the phase of impacts in a step nor softness can explain the difference."""
         settled = self.impacts and self.envelope is not None and not self.untried
         return settled and self.finest > 2.0 * self.impact_bound + self.allowed
+
+    @property
+    def scatters_elsewhere(self) -> bool:
+        """Whether motions at coprime steps lead elsewhere, far from saturation, and no other cause is open."""
+        found, known = self.coprime, self.unresolved_rate == 0.0 and self.finest > LOST * self.lost
+        return found is not None and found.elsewhere and found.saturation <= LINEAR and known and not self.untried
 
     @property
     def explained_by_law(self) -> bool:

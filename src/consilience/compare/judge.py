@@ -90,20 +90,26 @@ def question_judge(
 
 
 def judge_method(case: Case, judge: Judge | None, runs: Sequence[Run]) -> Comparison:
-    """Compare the runs of one engine by one method: levels, the finest with other softness, and longer steps."""
+    """Compare the runs of one engine by one method: levels, the finest with other softness, other steps."""
     coarser = [r for r in runs if r.level < 0]
     if coarser and judge is not None:
         judged = judge_method(case, judge, [r for r in runs if r.level >= 0])
         return replace(judged, coarser=judge.coarser(coarser))
-    levels = [r for r in runs if not _softened(r)]
-    softer = [r for r in runs if _softened(r) and r.step == levels[-1].step]
-    levels = stable_levels(case, levels)
+    coprime = [r for r in runs if r.coprime and r.answer is not None]
+    levels, softer = ladder_of(case, [r for r in runs if not r.coprime])
     if judge is None or any(run.status is not Status.ANSWERED for run in levels):
         return _without_answer(case, levels)
     died = next((run for run in softer if run.status is not Status.ANSWERED), None)
     if died is None:
-        return judge.compare(levels, softer)
-    return _softness_unknown(judge.compare(levels, []), died)
+        return judge.compare([*levels, *coprime], softer)
+    return _softness_unknown(judge.compare([*levels, *coprime], []), died)
+
+
+def ladder_of(case: Case, runs: Sequence[Run]) -> tuple[list[Run], list[Run]]:
+    """Return the levels of the last ladder of a method, coarse to fine, and the runs at other softness beside them."""
+    levels = [r for r in runs if not _softened(r)]
+    softer = [r for r in runs if _softened(r) and r.step == levels[-1].step]
+    return stable_levels(case, levels), softer
 
 
 def _softness_unknown(one: Comparison, died: Run) -> Comparison:

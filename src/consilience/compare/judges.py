@@ -53,7 +53,7 @@ class QuestionJudge:
         Parameters
         ----------
         levels : sequence of Run
-            Answered runs, coarse to fine; one where the question has no levels.
+            Answered runs, coarse to fine; one where the question has no levels. Behind them those at coprime steps.
         softer : sequence of Run
             Answered runs of the finest level with other softness of constraints; often none.
         """

@@ -17,12 +17,13 @@ from typing import Any
 
 import numpy as np
 
-from consilience.compare import softness, uncertainty
+from consilience.compare import coprime_steps, softness, uncertainty
 from consilience.compare.evidence import Evidence
 from consilience.compare.motion import (
     OBSERVABLES,
     Scales,
     difference_over_time,
+    displacements,
     energy_over_time,
     extrapolated,
     kept_samples,
@@ -31,7 +32,7 @@ from consilience.compare.motion import (
     saturation,
 )
 from consilience.compare.other_laws import COMPLIANCE
-from consilience.compare.reference_motion import ReferenceMotion, up_to_shortest
+from consilience.compare.reference_motion import ReferenceMotion, first_samples, up_to_shortest
 from consilience.compare.result import Level
 from consilience.engine import Run, TrajectoryAnswer
 from consilience.mechanism import Mechanism, turning_rate
@@ -72,17 +73,18 @@ class Ladder:
 
 
 class Levels:
-    """Answered runs of one method, coarse to fine, compared with a reference motion."""
+    """Answered runs of one method, coarse to fine, compared with a reference motion; behind them coprime steps."""
 
     def __init__(
         self, mechanism: Mechanism, runs: Sequence[Run], reference_motion: ReferenceMotion, softer: Sequence[Run] = ()
     ) -> None:
-        self.mechanism, self.runs, self.softer = mechanism, runs, softer
+        self.mechanism, self.runs, self.softer = mechanism, [run for run in runs if not run.coprime], softer
+        self.coprime = [run for run in runs if run.coprime]
         self.duration = float(np.ptp(reference_motion.answer.time))
-        answers = up_to_shortest([run.answer for run in (*runs, *softer)])
+        answers = up_to_shortest([run.answer for run in (*self.runs, *softer)])
         self.reference_motion = reference_motion.up_to(len(answers[0].time))
-        self.answers, self.soft_answers = answers[: len(runs)], answers[len(runs) :]
-        self.steps = [run.step for run in runs]
+        self.answers, self.soft_answers = answers[: len(self.runs)], answers[len(self.runs) :]
+        self.steps = [run.step for run in self.runs]
         self.reference, self.judged = self.reference_motion.answer, self.reference_motion.judged
         self.scales = Scales.of(mechanism, self.reference)
         self.errors = [difference_over_time(a, self.reference, self.scales.size) for a in self.answers]
@@ -171,6 +173,7 @@ class Levels:
             settled=ladder.settled_limit,
             touching=bool(self.mechanism.contacts),
             off_soft=self._off_soft(),
+            coprime=self._coprime(),
             **self._other_law(),
         )
         return found if found.finest <= found.allowed or found.converges_here else self._with_rates(found)
@@ -184,6 +187,21 @@ class Levels:
         if envelope is None or band is None or len(self.runs) < uncertainty.UNLIKE_LEVELS:
             return np.inf
         return max(envelope, band * uncertainty.CAUTIOUS / uncertainty.SAFE if self.ladder.asymptotic else band)
+
+    def _coprime(self) -> coprime_steps.CoprimeLimit | None:
+        """Return the limit of the motions at coprime steps; None where one is missing, at another softness too."""
+        method, judged, size, reference = self.runs[0].method, slice(self.judged), self.scales.size, self.reference
+        assert method is not None
+        sets = 2 if method.softness is not None or method.soft_at_rest else 1
+        enough = all(len(run.answer.time) >= len(reference.time) for run in self.coprime)
+        if len(self.coprime) != sets * coprime_steps.COUNT or not enough or self.judged < 1:
+            return None
+        answers = [first_samples(run.answer, len(reference.time)) for run in self.coprime]
+        off = np.array([displacements(reference, answer, size)[:, judged].ravel() for answer in answers])
+        steps = [run.step or 0.0 for run in self.coprime[: coprime_steps.COUNT]]
+        largest = max(saturation(answer, reference, size, judged) for answer in answers)
+        allowed = 10.0**-self.reference_motion.digits + float(self.reference_motion.spread[self.judged - 1])
+        return coprime_steps.coprime_limit(np.split(off, sets), steps, allowed, largest)
 
     def _with_rates(self, found: Evidence) -> Evidence:
         """Add the rates that the finest step has to resolve; zero for tolerances."""

@@ -15,8 +15,11 @@ from consilience.compare.rules import BY_CHANCE, ELSEWHERE, NO_POWER, WITHIN_PHA
 from consilience.engine import Run
 from consilience.mechanism import Mechanism
 
-_OPEN = frozenset({BY_CHANCE, "wide band", "impacts unclear", "not asymptotic"})
-"""Rules by which levels differ too much, or are too few, for any cause: a finer level may tell."""
+_SCATTERED = frozenset({"wide band", "impacts unclear", "not asymptotic"})
+"""Rules by which levels differ too much, or are too few, for any cause."""
+
+_OPEN = _SCATTERED | {BY_CHANCE}
+"""Rules after which a finer level may tell."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +40,8 @@ class Prospect:
         Whether the last levels differ by less than `softness.EXPLAINED` of what the finest differs from the reference.
         Errors of order 1/2 in the step, the least that is believed, differ by 0.41 of it: another cause makes most of
         the difference.
+    scattered : bool
+        Whether the levels decide nothing, and motions at coprime steps may.
     """
 
     verdict: Verdict
@@ -44,6 +49,7 @@ class Prospect:
     finer: bool
     rate: float = 0.0
     steady: bool = False
+    scattered: bool = False
 
     @classmethod
     @uncertainty.BLOWN_UP
@@ -61,7 +67,8 @@ class Prospect:
             return cls(rule.verdict, False, True)  # a finer level has a narrower band
         if rule.verdict is not Verdict.DISCRETISATION:
             steady = levels.ladder.change <= softness.EXPLAINED * evidence.finest
-            return cls(rule.verdict, rule.final, rule.name in _OPEN, evidence.unresolved_rate, steady)
+            scattered = rule.name in _SCATTERED and not evidence.untried and evidence.unresolved_rate == 0.0
+            return cls(rule.verdict, rule.final, rule.name in _OPEN, evidence.unresolved_rate, steady, scattered)
         assert evidence.declared is not None
         near = evidence.finest / uncertainty.ratio_of(levels.steps) ** evidence.declared <= evidence.allowed
         return cls(rule.verdict, not near, near)

@@ -22,6 +22,9 @@ than the motion has this ratio."""
 JUMP = 1e9
 """Angle in rad by which the direction of a spring turns in a step from which on it jumps."""
 
+SCATTERS = "scatter elsewhere"
+"""Name of the rule that motions whose levels scatter lead elsewhere."""
+
 NO_POWER, BY_CHANCE, ELSEWHERE = "no power", "agreement by chance", "elsewhere"
 """Names of rules: a gross error would pass; errors of the steps and of the model cancel; another motion."""
 
@@ -80,7 +83,16 @@ def _proof_text(e: Evidence) -> str:
 def _not_asymptotic_text(e: Evidence) -> str:
     if e.limit is None:
         return f"differs by {e.finest:.2g} at a single level{e.cut}"
-    return f"observed order {e.observed}, declared {e.declared}: not asymptotic at these steps{e.cut}"
+    return f"observed order {e.observed}, declared {e.declared}: not asymptotic at these steps{e.cut}{_coprime_text(e)}"
+
+
+def _coprime_text(e: Evidence) -> str:
+    """Say where motions at coprime steps lead, and how far chance alone does; nothing without them."""
+    if e.coprime is None:
+        return ""
+    found, limit = e.coprime, f"{e.coprime.limit:.2g} off with a standard error of {e.coprime.error:.2g}"
+    other = ", steps or softness the rest" if found.limit > found.least and not found.elsewhere else ""
+    return f"; {found.count} motions at coprime steps lead {limit}, chance by up to {found.least:.2g}{other}"
 
 
 OTHER_LAWS = (
@@ -242,13 +254,20 @@ RULES: tuple[Rule, ...] = (
         ),
     ),
     Rule(
+        SCATTERS,
+        Verdict.MODEL,
+        "levels in contact scatter, and neither chance nor a power of the step explains the limit of coprime steps",
+        lambda e: e.scatters_elsewhere,
+        lambda e: f"differs by {e.finest:.2g}, levels scatter{_coprime_text(e)}: elsewhere",
+    ),
+    Rule(
         "impacts unclear",
         Verdict.UNRESOLVED,
         "bodies hit one another, and the levels scatter, or end too near to what the phase of impacts can make",
         lambda e: e.impacts and not (e.limit is None and not e.cut),
         lambda e: (
             f"differs by {e.finest:.2g}; bodies hit one another at any phase of a step, and the levels differ too much"
-            f"{_together_text(e)}"
+            f"{_together_text(e)}{_coprime_text(e)}"
         ),
     ),
     Rule(
@@ -291,7 +310,9 @@ RULES: tuple[Rule, ...] = (
         Verdict.UNRESOLVED,
         "the limit explains too little of the difference, or the levels differ by a quarter of what motions can",
         lambda e: not e.converges_elsewhere,
-        lambda e: f"differs by {e.finest:.2g}, {e.limit_text}: too coarse to tell steps from model{e.cut}",
+        lambda e: (
+            f"differs by {e.finest:.2g}, {e.limit_text}: too coarse to tell steps from model{e.cut}{_coprime_text(e)}"
+        ),
     ),
     Rule(
         ELSEWHERE,
@@ -303,7 +324,7 @@ RULES: tuple[Rule, ...] = (
 )
 
 
-CONVERGENCE = frozenset({"no ladder", "converged elsewhere", "impacts elsewhere", ELSEWHERE})
+CONVERGENCE = frozenset({"no ladder", "converged elsewhere", "impacts elsewhere", SCATTERS, ELSEWHERE})
 """Rules that blame the model because neither steps nor softness explain a difference."""
 
 INSTANT_RULES: dict[str, str] = {

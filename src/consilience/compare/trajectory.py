@@ -46,7 +46,7 @@ def compare_trajectory(
     Parameters
     ----------
     runs : sequence of Run
-        Answered runs of one case, engine and method.
+        Answered runs of one case, engine and method; behind the levels those at coprime steps, if there are any.
     reference_motion : ReferenceMotion
     softer : sequence of Run
         Runs of the finest level at the scales of `softness.SCALES`, if the engine has a softness.

@@ -329,6 +329,8 @@ class Run:
         Output of the engine.
     perturbation : Perturbation or None
         Error in the mechanism that the engine, here the reference, was given on purpose.
+    coprime : bool
+        Whether the step is no level but one of those of which the motions that scatter have a limit.
     """
 
     case: str
@@ -344,6 +346,7 @@ class Run:
     cpu: float = 0.0
     log: str = ""
     perturbation: Perturbation | None = None
+    coprime: bool = False
 
     def __repr__(self) -> str:
         method = "" if self.method is None else f", {self.method.name}, level {self.level}"

@@ -191,6 +191,7 @@ CAUSES: dict[str, str] = {
     "restitution threshold": "Slow impacts do not rebound, as in the reference with the engine's threshold.",
     "modes within steps": "Contacts change their mode within steps; smaller ones lead closer to the reference.",
     "impacts elsewhere": "Smaller steps lead to another motion after impacts.",
+    "scatter elsewhere": "The levels scatter, and smaller steps lead to another motion on average.",
     "impacts unclear": "Impacts fall at any phase of a step, and the levels scatter too much to tell a cause.",
     "earlier layer": "The accelerations are already others, before anything is integrated.",
     "softness": "The engine's constraints are soft; harder ones lead to the reference.",

@@ -27,6 +27,7 @@ from consilience.engine.worker.client import EngineHandle
 from consilience.engine.worker.requests import NO_METHOD, Plan, Request
 from consilience.mechanism import Array, Mechanism, PhysicalParameter, State, displaced_states
 from consilience.suite.coarser_runs import coarser_runs
+from consilience.suite.coprime_runs import coprime_runs
 from consilience.suite.perturbed_runs import perturbed_runs, sensitive_parameters
 from consilience.suite.store import Store, StoredAnswer, with_job
 from consilience.suite.thoroughness import FULL, Thoroughness
@@ -112,14 +113,18 @@ class EngineCase:
                 yield run
             headline = headline or ladder
             if question.over_time and self.reference_motion is not None:
-                yield from coarser_runs(
-                    partial(self._motion, method), case.mechanism, method, ladder[0], self.reference_motion
-                )
+                yield from self._other_steps(method, ladder, self.reference_motion)
         if worker.engine == REFERENCE and methods:
             if question.over_time and self.thoroughness.closer:
                 yield from self._displaced(methods[0])
             if question in MEASURED and headline and all(run.answer is not None for run in headline):
                 yield from perturbed_runs(self.once, case, headline, self.sensitive_parameters)
+
+    def _other_steps(self, method: Method, ladder: Sequence[Run], motion: ReferenceMotion) -> Iterator[Run]:
+        """Ask for motions at steps that are no levels: longer ones, and coprime ones if the levels scatter."""
+        yield from coarser_runs(partial(self._motion, method), self.case.mechanism, method, ladder[0], motion)
+        if self.thoroughness.closer:
+            yield from coprime_runs(self._level, self.case, method, ladder, motion)
 
     @cached_property
     def sensitive_parameters(self) -> list[PhysicalParameter]:

@@ -38,7 +38,8 @@ def laws_to_solve(runs: Sequence[Run]) -> list[tuple[Question, ContactLaw]]:
     Those of soft contacts count where the softness was varied, without which no verdict depends on them. A compliance
     is asked about far harder, too.
     """
-    answered = [run for run in runs if run.status is Status.ANSWERED and run.method is not None]
+    levels = [run for run in runs if not run.coprime]
+    answered = [run for run in levels if run.status is Status.ANSWERED and run.method is not None]
     asked: list[tuple[Question, ContactLaw]] = []
     for run in answered:
         assert run.method is not None

@@ -284,6 +284,7 @@ def run_suite(
     results.runs = [run for name in names for n in range(len(cases)) for run in found.get((name, n), [])]
     # the use of the others is the power of comparisons, their cause, and the time of few digits
     results.runs = [r for r in results.runs if r.perturbation is None and r.level >= 0 and not under_other_law(r)]
+    results.runs = [r for r in results.runs if not r.coprime]
     results.engines = {name: results.engines[name] for name in names if name in results.engines}
     return results
 
