@@ -84,6 +84,12 @@ def test_another_law_of_impact_is_that_of_rigid_contacts_and_another_cone_that_o
     assert (softened.restitution, softened.impact_law, softened.compliance) == (0.0, "newton", Compliance(2e4))
 
 
+def test_motions_at_coprime_steps_ask_the_reference_for_no_law():
+    method = Method("m", Route.NATIVE, 1, (10, 20, 40), softness=0.01, soft_law=LAW)
+    run = Run("c", "e", Question.TRAJECTORY, method, 0, 0.1, Status.ANSWERED, coprime=True)
+    assert laws_to_solve([run]) == []
+
+
 def test_a_case_that_the_reference_refuses_is_not_asked_of_it_with_another_law():
     """An engine that answers such a case, and declares its law, must not cost other cases their answers."""
 
