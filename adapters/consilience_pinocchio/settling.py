@@ -83,7 +83,7 @@ def _solve(unilateral: Unilateral, q: Array, v: Array, a: Array) -> Pressed:
     slide, across = FAST * max(1.0, float(np.max(np.abs(a), initial=0.0))), dict[int, Array]()
     unilateral.solver.enough, last = ENOUGH_AT_INSTANT, np.inf
     for _ in range(MOST_SOLUTIONS):
-        found = unilateral.press(_Instant(q, v, a, 0.0, 1.0, slide, across))
+        found = unilateral.press(_Instant(q, v, a, 0.0, 1.0, 1.0, slide, across))
         rates = unilateral.dry_rates(v)
         slow = bool(np.any((np.abs(rates) > AT_REST) & (found.dry_ends * np.sign(rates) < 0.5 * slide)))
         change = 0.0

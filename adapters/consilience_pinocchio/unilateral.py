@@ -5,7 +5,8 @@ are over h, so that f are forces, and rows of constraints are ``J a = gamma``. N
 
 - ``u+ >= -gap / h``, u the rate of the gap: the shapes meet at the end of the step (a contact that lasts, or e = 0);
 - ``u+ >= -e u-`` at an impact: Newton's law. A closing speed is an impact if the free acceleration of the gap does not
-  make it in `RESTING` steps. An impact is in that step whose middle is nearest to it.
+  make it in `RESTING` steps. An impact with e > 0 is in that step whose middle is nearest to it; one with e = 0 would
+  be shared by two steps, and is told, so that the step can be divided there.
 
 [Moreau, in: Nonsmooth Mechanics and Applications, CISM 302, 1988; Acary, Brogliato, Numerical Methods for Nonsmooth
 Dynamical Systems, 2008, chapter 10]
@@ -60,6 +61,8 @@ class Start:
     a : ndarray, shape (nv,)
         Accelerations without constraints, contacts, stops and dry friction.
     t, h : float, s
+    whole : float, s
+        Step of which this one may be a part: overlaps are removed over a whole step.
     """
 
     q: Array
@@ -67,6 +70,7 @@ class Start:
     a: Array
     t: float
     h: float
+    whole: float
 
     @cached_property
     def free(self) -> Array:
@@ -91,10 +95,15 @@ class Start:
         restitution : float
         """
         u, free = float(along.dot(self.v)), float(along.dot(self.free))
-        if restitution > 0.0 and u < -RESTING * abs(free - u):
+        if restitution > 0.0 and self.strikes(along):
             return None if gap + 0.5 * self.h * u > 0.0 else restitution * u / self.h
         reach = REACH * self.h * (abs(u) + abs(free) + self._fastest)
-        return None if gap > max(reach, CLOSED) else gap / self.h**2
+        return None if gap > max(reach, CLOSED) else gap / (self.h * (self.h if gap > 0.0 else self.whole))
+
+    def strikes(self, along: Array) -> bool:
+        """Whether the closing speed of a gap, whose rate has the row `along`, is that of an impact."""
+        u = float(along.dot(self.v))
+        return u < -RESTING * abs(float(along.dot(self.free)) - u)
 
     def contact(self, number: int, touch: Touch, nearest: Nearest, needed: float) -> Array:
         """Return the accelerations in the rows of a contact without its forces, shape (3,)."""
@@ -119,6 +128,12 @@ class _Limit:
     def gap(self, q: Array) -> float:
         return self.sense * (self.place.sign * float(q[self.place.idx_q]) - self.bound)
 
+    def row(self, count: int) -> Array:
+        """Return the row (count,) of the rate of the gap."""
+        along = np.zeros(count)
+        along[self.place.idx_v] = self.sense * self.place.sign
+        return along
+
 
 @dataclass(frozen=True, eq=False)
 class Pressed:
@@ -142,6 +157,8 @@ class Pressed:
         Accelerations in the rows of these contacts with all forces, and with what `Start` adds.
     dry_ends : ndarray
         The same in the rows of dry friction.
+    hits : frozenset of int
+        Open contacts without restitution that an impact closes within the step; stops count on from the contacts.
     """
 
     a: Array
@@ -153,12 +170,18 @@ class Pressed:
     touched: dict[int, Nearest]
     ends: Array
     dry_ends: Array
+    hits: frozenset[int]
 
 
 class _Rows:
-    """Rows J (n, nv), accelerations in them without their forces (n,), and the sets of the forces."""
+    """Rows J (n, nv), accelerations in them without their forces (n,), and the sets of the forces.
+
+    Of what strikes, as `Pressed.hits` counts it, `striking` has the normal rows.
+    """
 
     def __init__(self) -> None:
+        self.striking: dict[int, int] = {}
+        self._count = 0
         self.J: list[Array] = []
         self.y: list[Array] = []
         self.sets: list[ForceSet] = []
@@ -167,6 +190,10 @@ class _Rows:
         self.J.append(J)
         self.y.append(y)
         self.sets += sets
+        self._count += len(y)
+
+    def __len__(self) -> int:
+        return self._count
 
 
 class Unilateral:
@@ -181,6 +208,8 @@ class Unilateral:
         Contacts that have broken away, and slide though they may still be at rest.
     held : frozenset of int
         Contacts that had their static coefficient in the last solution.
+    barred : frozenset of int
+        Contacts and stops that do not act, as `Pressed.hits` counts them.
     """
 
     def __init__(self, translation: Translation, elements: Elements) -> None:
@@ -197,7 +226,7 @@ class Unilateral:
             if bound is not None
         ]
         self._dry = [(axis(translation, d.joint, d.coordinate), float(d.bound or 0.0)) for d in mechanism.dry_frictions]
-        self.broken = self.held = frozenset[int]()
+        self.broken = self.held = self.barred = frozenset[int]()
         self.solver = ConeSolver(any(contact.associated for contact in mechanism.contacts))
 
     def gaps(self) -> Array:
@@ -205,6 +234,23 @@ class Unilateral:
         for side in self._sides:
             side.place()
         return np.array([touch.gap() for touch in self.touches])
+
+    def approaching(self, which: frozenset[int], q: Array, v: Array) -> list[tuple[float, float]]:
+        """Return gaps of contacts and stops, as `Pressed.hits` counts them, with their rates.
+
+        Pinocchio's data must hold the kinematics of q.
+        """
+        found, count = [], len(self.touches)
+        for side in self._sides:
+            side.update()
+        for n in which:
+            if n < count:
+                nearest = self.touches[n].nearest()
+                found.append((nearest.gap, float(nearest.J[2].dot(v))))
+            else:
+                limit = self._limits[n - count]
+                found.append((limit.gap(q), float(limit.row(len(v)).dot(v))))
+        return found
 
     def dry_rates(self, v: Array) -> Array:
         """Return the rates of the coordinates with dry friction, Pinocchio's, in rad/s or m/s."""
@@ -232,7 +278,7 @@ class Unilateral:
         for n, touch in enumerate(self.touches):
             nearest, law = touch.nearest(), touch.law
             needed = start.needed(nearest.gap, nearest.J[2], law.restitution)
-            if needed is None:
+            if needed is None or n in self.barred:
                 continue
             y = start.contact(n, touch, nearest, needed)
             if hypot(*nearest.J[2]) <= HELD * np.linalg.norm(nearest.J) and abs(y[2]) * start.h**2 <= CLOSED:
@@ -242,18 +288,22 @@ class Unilateral:
             if own and hypot(*(nearest.J[:2] @ start.v)) <= AT_REST:
                 mu = float(law.static_friction or 0.0)
                 held.add(n)
+            if nearest.gap > CLOSED and law.restitution == 0.0 and start.strikes(nearest.J[2]):
+                rows.striking[n] = len(rows) + 2
             rows.add(nearest.J, y, Circle(mu))
         self.held = frozenset(held)
         return touched
 
     def _add_joints(self, rows: _Rows, start: Start) -> None:
         """Add the rows of stops that touch, and of dry friction."""
-        for limit in self._limits:
-            along = np.zeros(len(start.v))
-            along[limit.place.idx_v] = limit.sense * limit.place.sign
-            needed = start.needed(limit.gap(start.q), along, limit.restitution)
-            if needed is not None:
-                rows.add(along[None], np.array([along @ start.free / start.h + needed]), ONE_SIDED)
+        for n, limit in enumerate(self._limits, len(self.touches)):
+            along, gap = limit.row(len(start.v)), limit.gap(start.q)
+            needed = start.needed(gap, along, limit.restitution)
+            if needed is None or n in self.barred:
+                continue
+            if gap > CLOSED and limit.restitution == 0.0 and start.strikes(along):
+                rows.striking[n] = len(rows)
+            rows.add(along[None], np.array([along @ start.free / start.h + needed]), ONE_SIDED)
         for place, bound in self._dry:
             along = np.zeros(len(start.v))
             along[place.idx_v] = 1.0
@@ -276,6 +326,7 @@ class Unilateral:
         return Pressed(
             *(a, f[:held], forces, modes, f[joints:].dot(J[joints:]), power),
             *(touched, ends[held:joints].reshape(-1, 3), ends[dry:]),
+            hits=frozenset(n for n, row in rows.striking.items() if f[row] > 0.0),
         )
 
 
