@@ -6,31 +6,32 @@ up for it, as far as f does not change (`MIXING`). The difference quotient of th
 A slip that starts from rest is ``k h a`` after k steps: friction is along ``a + e D f / k``, an error in proportion to
 1/k, which the second and the third step tell and remove.
 
-DART's rows are those of the start of a step and lack the rates of their directions: where these count, as at a turning
-corner, the second step takes the contact for open or for an impact, and there is no answer.
+DART's rows are those of the start of a step and lack the rates of their directions. Where these count, as at a turning
+corner, the first step starts ahead by what they change in it (`turning`), and the second finds its rows turned; spheres
+that press are kept in touch (`pressing`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from consilience.engine import CannotRepresent, limit_of_halved
+from consilience.engine import limit_of_halved
 from consilience.mechanism import (
     Array,
     State,
     characteristic_length,
-    contact_gap,
     contact_parts,
     determinate_forces,
     nearest_points,
     sharing_rows,
 )
 from consilience_dart.constraints import weld_terms
-from consilience_dart.contacts import SLIDING, Touching
-from consilience_dart.state import Coordinates, read, send
+from consilience_dart.contacts import CLOSED, SLIDING, Touching
+from consilience_dart.state import Coordinates, send
 from consilience_dart.stepping import (
     CONSTRAINT_FORCE_MIXING,
     ERROR_REDUCTION_INSTANT,
@@ -40,9 +41,7 @@ from consilience_dart.stepping import (
     zero_step_accelerations,
 )
 from consilience_dart.translation import Model
-
-CLOSED = 1e-9
-"""Gap in m, and its rate, up to which a contact is closed."""
+from consilience_dart.turning import turning
 
 STEP, SHORTER = 1e-3, (1, 8, 64)
 """Longest step in s, and its parts that are asked for one after the other until the accelerations settle: those of
@@ -50,10 +49,6 @@ drives and of fast turning change in a step. Shorter steps are spoilt by roundin
 
 TURN, FRICTION = 1e-2, 30.0
 """Part by which friction may change a slip in a step, at this acceleration in m/s^2 or a larger one of a first step."""
-
-UNTURNED = 1e-6
-"""Largest acceleration of a closed gap at constant rates of the coordinates, in m/s^2."""
-
 
 SOLVERS = (("NsgsFrictionSolver", "maxSweeps", 1000), ("FbfFrictionSolver", "maxOuterIterations", 4000))
 """Solvers of friction in the order in which they are asked, with the option that bounds their iterations, and the
@@ -109,23 +104,6 @@ def _slips(model: Model, touching: Touching, state: State) -> tuple[float, Array
     return min((rate for rate in rates if rate > CLOSED), default=np.inf), resting
 
 
-def _refuse_turning(stepping: Stepper, c: Coordinates) -> None:
-    """Refuse a closed contact whose gap accelerates at constant rates of the coordinates."""
-    mechanism, gaps = stepping.model.mechanism, []
-    parts = [part for contact in mechanism.contacts for part in contact_parts(contact)]
-    for time in (-STEP, 0.0, STEP):
-        send(stepping.model, c)
-        stepping.model.skeleton.integratePositions(time)
-        state = State(*read(stepping.model))
-        gaps.append([contact_gap(mechanism, state, part) for part in parts])
-    before, now, after = np.array(gaps)
-    rates = np.abs(before - 2.0 * now + after) / STEP**2
-    for part, gap, rate in zip(parts, now, rates, strict=True):
-        if gap <= CLOSED and rate > UNTURNED:
-            what = f"its gap accelerates by {rate:.3g} m/s^2 as the bodies turn, which DART's rows lack"
-            raise CannotRepresent(f"contact '{part.name}'", what)
-
-
 def _require_same_contacts(touching: Touching, forces: list[Array]) -> None:
     """Refuse steps of which some miss a contact that others, or the first, find: their limit is that of neither."""
     acting = np.any(forces, axis=2)
@@ -150,7 +128,7 @@ def settle(stepping: Stepper, fresh: Callable[[], Stepper], c: Coordinates, stat
     Raises
     ------
     CannotRepresent
-        A contact at a turning corner.
+        Contacts that turn apart.
     ArithmeticError
         DART has no acceleration: an impact, or friction without a solution.
     """
@@ -159,8 +137,8 @@ def settle(stepping: Stepper, fresh: Callable[[], Stepper], c: Coordinates, stat
     free = not (touching.mechanism.stops or touching.mechanism.dry_frictions) and np.min(touching.gaps()) > CLOSED
     if free:
         touching.solve_by_pivoting()
-    else:
-        _refuse_turning(stepping, c)
+    x = np.zeros(0) if free else turning(model, touching, c)
+    kept = (lambda: replace(fresh(), mended=True, ahead=x)) if np.any(x) else fresh
     a, forces = np.zeros(model.skeleton.getNumDofs()), np.zeros((len(touching.mechanism.contacts), 3))
     for factor, weight in MIXINGS if model.tree.welds else UNMIXED:
         set_softness(ERROR_REDUCTION_INSTANT, factor * CONSTRAINT_FORCE_MIXING)
@@ -169,7 +147,7 @@ def settle(stepping: Stepper, fresh: Callable[[], Stepper], c: Coordinates, stat
             continue
         shared = len(sharing_rows(model.mechanism, state)) > 0
         unsure = not np.all(determinate_forces(model.mechanism, state).contacts)
-        settled = _settled(fresh, c, state, shared, unsure)
+        settled = _settled(kept, c, state, shared, unsure)
         a += weight * settled.a
         forces += weight * settled.forces
     send(model, c)
@@ -210,7 +188,7 @@ def _mixed(touching: Touching, model: Model, change: Array) -> float:
     W = model.skeleton.getInvMassMatrix()
     found = 0.0
     for n in np.flatnonzero(np.any(change, axis=1)):
-        J = touching.jacobian(int(n))
+        J = touching.jacobian(int(n), touching.points[n])
         found = max(found, MIXING * float(np.max(np.diag(J @ W @ J.T)) * np.linalg.norm(change[n])))
     return found
 
@@ -290,8 +268,8 @@ def _by(
 
     stepping = world()
     touching = worlds[0]
-    stepping.restart(c, 0.0, STEP)
     slowest, resting = _slips(stepping.model, touching, state)
+    stepping.restart(c, 0.0, STEP)
     stepping.step(1)
     first, starts = touching.forces, np.any(resting & (touching.modes == SLIDING))
     h = min(STEP, TURN * slowest / max(FRICTION, touching.slip_rate)) / part

@@ -25,6 +25,9 @@ from consilience_dart.translation import Model, set_inertia
 
 INSIDE = 1e-12
 
+CLOSED = 1e-9
+"""Gap in m, and its rate, up to which a contact is closed."""
+
 SEPARATED, SLIDING, STICKING = range(3)
 
 AT_REST = 1e-6
@@ -297,13 +300,13 @@ class Touching:
         )
         return [body[0] - partner[0], body[1] - partner[1], body[2] - partner[2]]
 
-    def jacobian(self, n: int) -> Array:
-        """Return the Jacobian (3, dofs) of the slip of a contact, at its point in the last step."""
+    def jacobian(self, n: int, point: Array) -> Array:
+        """Return the Jacobian (3, dofs) of the slip of a contact at a point, world axes."""
         skeleton = self._model.skeleton
         J = np.zeros((3, skeleton.getNumDofs()))
         for pad, sign in zip(self._pads[n], (1.0, -1.0), strict=True):
             if pad.node.getSkeleton().getName() != GROUND:
-                at = pad.node.getWorldTransform().inverse().multiply(self.points[n])
+                at = pad.node.getWorldTransform().inverse().multiply(point)
                 J += sign * skeleton.getLinearJacobian(pad.node, at)
         return J
 

@@ -76,6 +76,8 @@ class Stepper:
         Contacts; None if the mechanism has none.
     mended : bool
         Take from small rotations what DART's truncated exponential map adds, and keep in touch what presses.
+    ahead : ndarray, shape (n,), or None
+        Velocities over the step that a restart adds.
     """
 
     model: Model
@@ -85,10 +87,13 @@ class Stepper:
     reduction: float = 0.0
     touching: Touching | None = None
     mended: bool = False
+    ahead: Array | None = None
 
     def restart(self, c: Coordinates, time: float, step: float) -> None:
         """Set state, time and step, and the integrals of controllers to zero."""
         send(self.model, c)
+        if self.ahead is not None:
+            self.model.skeleton.setVelocities(c.v + step * self.ahead)
         self.world.setTimeStep(step)
         self.time = time
         self.forces.integrals[:] = 0.0

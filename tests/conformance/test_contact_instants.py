@@ -15,8 +15,6 @@ STICK = ("rolls", "holds", "stays", "pad", "trough", "slide on a floor", "hinge"
 LOOSE = {("mujoco", "box that tips"): 1e-10, ("mujoco", "box that friction holds"): 1e-10}
 
 REFUSED = {
-    ("dart", "rod that turns"): "as the bodies turn",
-    ("dart", "ball that slides on a ball"): "as the bodies turn",
     ("dart", "box that friction holds"): "NsgsFrictionSolver fails|leave the accelerations open",
     ("dart", "boxes that start to slide"): "leave the accelerations open",
     ("dart", "slide on a floor"): "leave the accelerations open",
