@@ -68,7 +68,8 @@ UNDERSTATED = 3.0
 """Largest error over what two extrapolations tell, as in a loop."""
 
 STEPS, SHARED_STEPS = 2, 3
-"""Steps of which the last counts; three where contacts share a load: their forces still change in the second."""
+"""Steps of which the last counts; three where contacts share a load, or two do not settle: forces still change in the
+second, and no shorter step settles them."""
 
 MIXING = 1e-5
 """Force mixing of DART's contacts, a part of the diagonal of their inverse inertia; there is no setter."""
@@ -217,8 +218,9 @@ def _settled(fresh: Callable[[], Stepper], c: Coordinates, state: State, shared:
     """
     found: list[_Settled] = []
     why: ArithmeticError | None = None
-    solvers, steps = (SOLVERS[::-1], SHARED_STEPS) if shared else (SOLVERS, STEPS)
+    solvers = SOLVERS[::-1] if shared else SOLVERS
     for part in SHORTER:
+        steps = SHARED_STEPS if shared or part > 1 else STEPS
         answers: list[_Settled] = []
         for solver in solvers:
             try:
