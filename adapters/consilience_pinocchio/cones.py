@@ -26,6 +26,9 @@ FEW_ITERATIONS, MANY_ITERATIONS, MOST_ITERATIONS = 300, 5000, 50_000
 ENOUGH, ENOUGH_AT_INSTANT = 1e-9, 1e-11
 """Residual relative to the data at which few iterations are enough: dependent rows do not get to the tolerance."""
 
+_ADAPTED, _KEPT = pin.ADMMUpdateRule.SPECTRAL, pin.ADMMUpdateRule.CONSTANT
+"""Rules of the solver's penalty. The one that adapts it may go round without end near a jam, where a constant ends."""
+
 ACCEPTED = 1e-7
 """Largest residual of an answer, relative to the data."""
 
@@ -41,7 +44,7 @@ USUAL = 1e-3, 1e5
 SETTINGS: dict[str, Any] = {
     "tolerances": TOLERANCE,
     "max_iterations": f"{FEW_ITERATIONS}, up to {MOST_ITERATIONS} where the residual is large",
-    "admm_update_rule": "SPECTRAL",
+    "admm_update_rule": "SPECTRAL, CONSTANT where it does not converge",
     "solve_ncp": True,
 }
 
@@ -183,7 +186,6 @@ class ConeSolver:
         self.enough = ENOUGH
         self._sets: tuple[float | ForceSet, ...] | None = None
         self._settings = pin.ADMMSolverSettings()
-        self._settings.admm_update_rule = pin.ADMMUpdateRule.SPECTRAL
         self._settings.solve_ncp = not associated
         for kind in ("feasibility", "complementarity"):
             for scale in ("absolute", "relative"):
@@ -237,7 +239,7 @@ class ConeSolver:
         return np.concatenate([-by_held @ y[:held] - across @ f, f])
 
     def _solved(self, G: Array, y: Array, sets: Sequence[ForceSet]) -> Array:
-        """Return the forces by Pinocchio's solver, in three numbers of iterations and two units of acceleration."""
+        """Return the forces by Pinocchio's solver, in three numbers of iterations, two units and two penalty rules."""
         scale, moved = float(np.abs(y).max(initial=0.0)), float(np.max(G.diagonal(), initial=0.0))
         if scale == 0.0:
             return np.zeros(len(y))
@@ -248,11 +250,15 @@ class ConeSolver:
         if self._sets != (own := (mass, *sets)):
             self._sets, self._kept = own, _models(sets, mass)
         # beside data far from one, dependent rows can end with no finite residual
-        attempts = [(FEW_ITERATIONS, 1.0), (MANY_ITERATIONS, 1.0), (MANY_ITERATIONS, scale)]
+        attempts = [
+            (FEW_ITERATIONS, 1.0, _ADAPTED),
+            (MANY_ITERATIONS, 1.0, _ADAPTED),
+            (MANY_ITERATIONS, scale, _ADAPTED),
+        ]
         if not any(isinstance(one, Anchor) for one in sets):  # of anchors beside contacts no number is enough
-            attempts.append((MOST_ITERATIONS, scale))
-        for most, unit in attempts:
-            self._settings.max_iterations = most
+            attempts += [(MANY_ITERATIONS, scale, _KEPT), (MOST_ITERATIONS, scale, _ADAPTED)]
+        for most, unit, rule in attempts:
+            self._settings.max_iterations, self._settings.admm_update_rule = most, rule
             result = pin.ADMMSolverResult()
             models, data = self._kept if unit == 1.0 else _models(sets, mass * unit)
             # the operator keeps the solver's penalty on its diagonal: a new one for each call

@@ -253,7 +253,16 @@ def test_a_contact_near_a_jam_takes_as_many_iterations_as_it_needs():
             ]
         ),
     )
-    y = np.array([-513.1592936465248, 114.29096636520201, -0.5771123024609146])
+    check_sliding(mu, G3, np.array([-513.1592936465248, 114.29096636520201, -0.5771123024609146]))
+
+
+def test_a_contact_at_which_an_adapted_penalty_does_not_converge_is_solved_with_a_constant_one():
+    """The same law, where no number of iterations is enough (reports/findings/pinocchio_admm_adapted_penalty)."""
+    rows = np.array([[1.59, 0.11], [0.11, 0.88], [-1.19, -0.16]])
+    check_sliding(0.56, rows @ rows.T, np.array([4.4, 0.76, -3.54]))
+
+
+def check_sliding(mu, G3, y):
     f = ConeSolver().forces(G3, y, [Circle(mu)])
     u = G3 @ f + y
     along = u[:2] / np.linalg.norm(u[:2])
