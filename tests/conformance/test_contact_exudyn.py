@@ -322,3 +322,42 @@ def test_planted_errors_are_caught(mutant, monkeypatch):
         monkeypatch.setitem(globals(), "ENGINE", planted)
         with pytest.raises(AssertionError):
             PLANTED[mutant.name]()
+
+
+def test_an_impact_without_rebound_follows_routh_s_path():
+    """A rod whose slip turns within its impact: friction opposes the slip of each instant, as steps vanish.
+
+    ``du_t/dN = G_tn - mu G_tt`` until the slip ends, then ``G_tn + mu G_tt``, until u_n = 0; the zone of friction, in
+    which slip is slow, is in proportion to the step. Moreau's law has the second from the start.
+    """
+    arm, moment, mu, slip, fall = -np.sqrt(0.5), 1.0 / 3.0, 0.3, 0.2, 1.0
+    lever = arm**2 / moment
+    direct, coupled = 1.0 + lever, -lever
+    first = slip / (mu * direct - coupled)
+    second = (fall - (direct - mu * coupled) * first) / (direct + mu * coupled)
+    assert second > 0.0
+    assert coupled + mu * direct < 0.0
+    normal, across = first + second, mu * (second - first)
+    after = [slip + across, normal - fall, arm * (across - normal) / moment]
+    mechanism = LAB.free_body(1.0, (moment, moment, 1e-3), np.zeros(3), LAB.points([[0.0, 0.0, -1.0]], friction=mu))
+    state = LAB.state((0.0, 0.0, 0.02 - arm), (slip, 0.0, -fall), turn=turned(0.0, np.pi / 4.0, 0.0))
+    drawn = load_case("rod_hits_floor-backward").mechanism  # above the floor
+    (method,) = ENGINE.methods(replace(drawn, contacts=(replace(drawn.contacts[0], restitution=0.0),)), T)
+    assert method.law is not None
+    assert method.law.impact_law == "poisson"
+    assert method.substeps[0] >= 500
+    errors = []
+    for steps in (500, 2000, 8000):
+        found = ENGINE.trajectory(mechanism, state, np.linspace(0.0, 0.04, 3), method, 0.02 / steps)
+        _, v, w = LAB.centre(found)
+        errors.append(np.max(np.abs(np.array([v[0], v[2], w[1]]) - after)))
+    assert errors[1] < 0.65 * errors[0]
+    assert errors[2] < 0.5 * errors[1] < 0.01
+
+
+def test_what_cannot_hit_with_friction_keeps_its_long_steps():
+    """Closed in the drawing, or smooth above the floor."""
+    drawn = load_case("rod_hits_floor-backward").mechanism
+    smooth = replace(drawn, contacts=(replace(drawn.contacts[0], restitution=0.0, friction=0.0),))
+    for mechanism in (load_case("ball_slips").mechanism, smooth):
+        assert [method.substeps[0] for method in ENGINE.methods(mechanism, T)] == [50, 20]
