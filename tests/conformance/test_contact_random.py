@@ -29,6 +29,9 @@ def accelerations(engine, case):
         pytest.param("mujoco", 35085, 12, id="loops that hold everything, with five contacts"),
         pytest.param("pinocchio", 35072, 10, id="a contact whose rows depend on those of a loop"),
         pytest.param("dart", 8936, 8, id="loops that the first solver of friction leaves open"),
+        pytest.param("dart", 36018, 7, id="a sphere whose rows turn, and loops"),
+        pytest.param("dart", 36009, 7, id="an end of a capsule that turns"),
+        pytest.param("dart", 36096, 8, id="forces that still change in the second step"),
         pytest.param("pinocchio", 135, 9, id="a stop that a loop holds"),
     ],
 )
