@@ -17,7 +17,6 @@ LOOSE = {("mujoco", "box that tips"): 1e-10, ("mujoco", "box that friction holds
 REFUSED = {
     ("dart", "box that friction holds"): "NsgsFrictionSolver fails|leave the accelerations open",
     ("dart", "boxes that start to slide"): "leave the accelerations open",
-    ("dart", "slide on a floor"): "leave the accelerations open",
     ("exudyn", "ball that starts to slide"): "'ball' starts to slide",
     ("exudyn", "boxes that start to slide"): "'lower 0' starts to slide",
     ("exudyn", "hinge that starts"): "starts to slide",
