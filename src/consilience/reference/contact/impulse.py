@@ -163,31 +163,53 @@ def _newton(problem: ContactProblem, restitution: Array, at_rest: float, time: f
     )
     modes, p, _ = solve_modes(law, time, _modes_by_moreau(problem, restitution))
     impulse = place.T @ p.ravel()
-    unique = False if _leaves_open(problem, impulse, modes) else None
+    unique = False if _leaves_open(problem, impulse, modes, law.target, problem.free) else None
     return ImpulseSolution(impulse, problem.acceleration(impulse), modes, unique)
 
 
-def _leaves_open(problem: ContactProblem, impulse: Array, modes: tuple[str, ...]) -> bool:
-    """Return whether the contacts that push may share their impulse otherwise, with other velocities after it.
+def _leaves_open(problem: ContactProblem, impulse: Array, modes: Sequence[str], rebound: Array, slips: Array) -> bool:
+    """Return whether the contacts may share their impulse otherwise, with other velocities after it.
 
     Each impulse then changes along itself where a contact slides, and freely where it sticks; what the laws hold stays.
+    What touches and slides without an impulse may take one: a share may be the first or the last of a family.
+
+    Parameters
+    ----------
+    problem : ContactProblem
+    impulse : ndarray, shape (m,)
+    modes : sequence of str, length n
+    rebound : ndarray, shape (n,)
+        Normal velocities of what has an impulse.
+    slips : ndarray, shape (m,)
+        Velocities which friction opposes, before or after the impact.
     """
-    scale, friction = problem.row_scale(), {f.load: list(f.rows) for f in problem.friction}
-    least = _PUSHES * float(np.max(impulse[list(problem.normals)]))
-    every, columns, held = np.eye(len(impulse)), list[Array](), list[int]()
-    for row, mode in zip(problem.normals, modes, strict=True):
+    friction, after = {f.load: f for f in problem.friction}, problem.acceleration(impulse)
+    normals = list(problem.normals)
+    least, still = _PUSHES * float(np.max(impulse[normals])), _PUSHES * float(np.max(np.abs(problem.free)))
+    every, columns, held, touching = np.eye(len(impulse)), list[Array](), list[int](), dict[int, Array]()
+    for row, mode, target in zip(normals, modes, rebound, strict=True):
+        tangents = list(friction[row].rows) if row in friction else []
         if impulse[row] <= least:
-            continue
-        tangents = friction.get(row, [])
-        if mode in _HELD:
+            if abs(after[row] - target) <= still and (not tangents or after[tangents] @ slips[tangents] > still**2):
+                touching[row] = every[row].copy()
+                if tangents:
+                    touching[row][tangents] += friction[row].sliding(slips[tangents]).drag
+        elif mode in _HELD:
             columns += [every[row], *every[tangents]]
             held += [row, *tangents]
         else:
             columns.append(every[[row, *tangents]].T @ impulse[[row, *tangents]] / impulse[row])
             held.append(row)
+    if _shares(problem, columns, held):
+        return True
+    return any(_shares(problem, [*columns, column], [*held, row]) for row, column in touching.items())
+
+
+def _shares(problem: ContactProblem, columns: list[Array], held: list[int]) -> bool:
+    """Return whether impulses along some columns keep the velocities of the rows that are held, and change others."""
     if len(held) < 2:
         return False
-    answers = problem.delassus @ np.array(columns).T / scale[:, None]
+    answers = problem.delassus @ np.array(columns).T / problem.row_scale()[:, None]
     answers /= np.max(np.abs(answers))
     _, singular, Vt = np.linalg.svd(answers[held])
     free = Vt[int(np.sum(singular > RANK * singular[0])) :]
@@ -210,9 +232,11 @@ def _moreau(problem: ContactProblem, restitution: Array) -> ImpulseSolution:
             names = in_words(problem.names)
             raise NumericalFailure(f"{names}: {JAMMED}") from failure
         raise
-    return ImpulseSolution(
-        decision.force, problem.acceleration(decision.force), _names(problem, decision.force), decision.unique
-    )
+    after, modes, unique = problem.acceleration(decision.force), _names(problem, decision.force), decision.unique
+    target = -rebound[list(problem.normals)]
+    if unique is None and has_table(problem) and _leaves_open(problem, decision.force, modes, target, after):
+        unique = False
+    return ImpulseSolution(decision.force, after, modes, unique)
 
 
 def _is_solvable(problem: ContactProblem) -> bool:
