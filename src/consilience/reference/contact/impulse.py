@@ -232,11 +232,18 @@ def _moreau(problem: ContactProblem, restitution: Array) -> ImpulseSolution:
             names = in_words(problem.names)
             raise NumericalFailure(f"{names}: {JAMMED}") from failure
         raise
-    after, modes, unique = problem.acceleration(decision.force), _names(problem, decision.force), decision.unique
-    target = -rebound[list(problem.normals)]
-    if unique is None and has_table(problem) and _leaves_open(problem, decision.force, modes, target, after):
-        unique = False
+    after, modes = problem.acceleration(decision.force), _names(problem, decision.force)
+    unique = _unique(problem, decision, -rebound[list(problem.normals)])
     return ImpulseSolution(decision.force, after, modes, unique)
+
+
+def _unique(problem: ContactProblem, decision: ModeDecision, rebound: Array) -> bool | None:
+    """Return whether velocities after an impact are unique, with friction that opposes them: shares may be open."""
+    force = decision.force
+    if decision.unique is None and has_table(problem):
+        several = _leaves_open(problem, force, _names(problem, force), rebound, problem.acceleration(force))
+        return False if several else None
+    return decision.unique
 
 
 def _is_solvable(problem: ContactProblem) -> bool:
@@ -291,14 +298,15 @@ def _poisson(problem: ContactProblem, restitution: Array) -> ImpulseSolution:
 def _two_phases(problem: ContactProblem, restitution: Array) -> tuple[Array, bool | None]:
     """Solve compression and expansion; without a rebound beyond rounding, what compression leaves at rest stays so."""
     compression = decide(problem)
+    unique = _unique(problem, compression, np.zeros(len(restitution)))
     preload = np.zeros(len(problem.free))
     preload[list(problem.normals)] = restitution * compression.force[list(problem.normals)]
     if np.all(np.abs(problem.delassus @ preload) <= problem.rounding * problem.row_scale()):
-        return compression.force, compression.unique
+        return compression.force, unique
     sets = tuple(replace(f, offset=float(preload[f.load])) for f in problem.friction if f.load is not None)
     free = compression.acceleration + problem.delassus @ preload
     expansion = decide(replace(problem, free=free, friction=sets))
-    unique = all_unique({compression.unique, expansion.unique, not _open_rebound(problem, compression, restitution)})
+    unique = all_unique({unique, expansion.unique, not _open_rebound(problem, compression, restitution)})
     return compression.force + preload + expansion.force, unique
 
 
