@@ -97,6 +97,8 @@ class Evidence:
         where the levels do not shrink with the step.
     settled : float
         Difference of the limit along which levels draw together (`uncertainty.off_where_closing`); infinite if unknown.
+    uneven : float
+        Last change of positions or of orientations that show another order than the declared one, where modes change.
     scatter : float
         The larger of envelope and band where the levels are too many to share a late impact by chance; infinite
         otherwise.
@@ -165,6 +167,7 @@ class Evidence:
     envelope: float | None = None
     scatter: float = math.inf
     settled: float = math.inf
+    uneven: float = 0.0
     phase: float = 0.0
     jumps: float = 0.0
     untried: bool = False
@@ -199,9 +202,12 @@ class Evidence:
     def converges_elsewhere(self) -> bool:
         """Whether the limit of clean levels is beyond the band; of others, or if cut short, far beyond it.
 
-        Levels that part further with smaller steps have no limit.
+        Levels that part further with smaller steps have no limit, and an order that positions or orientations alone
+        show may be by chance.
         """
         if not self.asymptotic or self.limit is None or self.band is None or self.saturation > LINEAR:
+            return False
+        if min(self.limit, self.settled) <= CAUTIOUS * self.uneven:
             return False
         beyond = min(self.limit, self.settled) > self.band + self.jumps + self.allowed
         return beyond and ((self.clean and not self.cut) or not self.just_beyond)

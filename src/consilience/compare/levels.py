@@ -46,7 +46,8 @@ class Ladder:
     """Orders of the levels against the reference and among themselves; band of the finest level; Richardson limit.
 
     `change` is the largest of the last two differences of consecutive levels, infinite with fewer than three levels;
-    `settled_limit` the difference of the limit along which levels draw together.
+    `settled_limit` the difference of the limit along which levels draw together; `uneven` the largest last change of
+    positions or of orientations whose own order is not the declared one.
     """
 
     order: float | None = None
@@ -59,6 +60,7 @@ class Ladder:
     spread: float = np.inf
     envelope: float | None = None
     settled_limit: float = np.inf
+    uneven: float = 0.0
     declared: int | None = None
 
     @property
@@ -111,11 +113,25 @@ class Levels:
             change=max(largest[-2:]) if len(largest) > 1 else np.inf,
             spread=_spread(largest),
             envelope=uncertainty.envelope(largest, self.steps, 10.0**-self.reference_motion.digits),
+            uneven=self._uneven(declared, ratio),
             declared=declared,
         )
         band = uncertainty.band(largest[-1], found.settled, declared, ratio, 0.0)
         orders = [declared] if found.settled is None or not found.asymptotic else [declared, found.settled]
         return replace(found, band=band, remains=min(self._off(self._limit(order)) for order in orders))
+
+    def _uneven(self, declared: int, ratio: float) -> float:
+        """Return the last change of positions or of orientations whose own order is not the declared one.
+
+        Where modes change, three levels have an order by chance, though positions and orientations seldom both.
+        """
+        found, m = 0.0, self.mechanism
+        for name in ("position", "orientation") if m.contacts or m.stops or m.dry_frictions else ():
+            apart = [OBSERVABLES[name](a, b, self.scales)[: self.judged] for a, b in pairwise(self.answers)]
+            order = uncertainty.finest_order([uncertainty.rms(one) for one in apart], ratio)
+            if not uncertainty.settled(order, declared):
+                found = max(found, float(np.max(apart[-1])))
+        return found
 
     @property
     def declared_limit(self) -> TrajectoryAnswer | None:
@@ -171,6 +187,7 @@ class Levels:
             envelope=ladder.envelope,
             scatter=self._scatter(),
             settled=ladder.settled_limit,
+            uneven=ladder.uneven,
             touching=bool(self.mechanism.contacts),
             off_soft=self._off_soft(),
             coprime=self._coprime(),
