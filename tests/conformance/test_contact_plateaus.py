@@ -8,7 +8,7 @@ from plateaus import plateaus
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "package", "heading"), [("mujoco", "mujoco", 20.0), ("mujoco", "mujoco", 45.0), ("dart", "dartpy", 30.0)]
+    ("name", "package", "heading"), [("mujoco", "mujoco", 20.0), ("mujoco", "mujoco", 30.0), ("dart", "dartpy", 30.0)]
 )
 def test_the_place_where_a_cube_stops_is_that_of_the_law_that_the_method_states(name, package, heading):
     pytest.importorskip(package)
