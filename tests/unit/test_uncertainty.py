@@ -120,6 +120,8 @@ def test_orders_are_read_from_the_finest_pair_that_rounding_does_not_hide():
     assert finest_order([4e-6, 1e-6, 1e-13], 2.0) == pytest.approx(2.0)
     assert finest_order([1e-13, 1e-14], 2.0) is None
     assert finest_order([1e-3, 1e-6], 10.0) == pytest.approx(3.0)
+    with np.errstate(all="raise"):
+        assert finest_order([1e-3, np.inf], 2.0) == -np.inf  # the finer motion diverges
     assert settled(1.5, 2)
     assert not settled(1.4, 2)
     assert not settled(None, 2)

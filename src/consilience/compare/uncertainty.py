@@ -107,7 +107,7 @@ def finest_order(errors: Sequence[float], ratio: float) -> float | None:
     """Return the observed order from the finest pair of errors above rounding; None if there is none."""
     for coarse, fine in reversed(list(pairwise(errors))):
         if coarse > 2 * ROUNDING and fine > ROUNDING:
-            return float(np.log(coarse / fine) / np.log(ratio))
+            return float((np.log(coarse) - np.log(fine)) / np.log(ratio))  # of a motion that diverges, too
     return None
 
 
