@@ -13,6 +13,10 @@ sys.path.insert(0, str(Path(__file__).parent))
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
+# as the command line does: threads of BLAS compete with the workers of pytest, and change last digits
+for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_variable, "1")
+
 LONGEST = (
     "harness/test_mutate.py",
     "oracles/test_case_values.py",
