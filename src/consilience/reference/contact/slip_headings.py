@@ -11,8 +11,10 @@ from collections.abc import Collection
 
 import numpy as np
 
+from consilience.errors import NumericalFailure
 from consilience.mechanism import Array
 from consilience.reference.contact.equations import ContactEquations
+from consilience.reference.contact.problem import in_words
 from consilience.reference.contact.quiet_steps import SLOW, STARTING, STILL, STOPPING, STRAIGHT
 from consilience.reference.contact.stepper import Stepper
 
@@ -22,6 +24,9 @@ STOPPED = 1e-9
 _STIFF = 100.0  # acceleration by friction over that of the slip, from which steps are implicit
 _STABLE = 4.0  # decay of slip across its heading in a step, from which explicit steps are short by that alone
 _FIRST = 0.05  # part of a step that is repeated where a line is left: slip along a curve asks for shorter ones
+_NEAR, _MOST = 4e-6, 5000
+"""Time, over the longest step, and number of steps within it, from which on slips turn without end."""
+
 _AWAY = 0.5  # cosine of the angle to its slip from which on a heading has to follow; at zero it would point back
 
 
@@ -32,6 +37,7 @@ class SlipHeadings:
         self._equations, self._friction = equations, equations.layout.friction
         self._began: dict[int, float] = {}  # slips at the start of the step
         self.leaving: set[int] = set()  # what leaves its line there
+        self._since, self._taken = -np.inf, 0  # time and number of steps from which on steps are counted
         self._rising: set[int] = set()  # what has started to slide and is slower yet than what stops
 
     def begin(self, started: Collection[int], speed: float) -> None:
@@ -55,8 +61,14 @@ class SlipHeadings:
         """Let headings follow the slips at the end of the last step; those of a line are kept.
 
         Slips are small beside `speed`, and may be stiff beside `most`, the speed of the mechanism so far, m/s.
+
+        Raises
+        ------
+        NumericalFailure
+            Time hardly passes: slips turn without end.
         """
         heading, slips, held = list(stepper.modes.heading), self._slips(stepper), self._equations.held
+        self._refuse_crawl(stepper, [self._friction[j].name for j, _ in slips])
         for j, slip in slips:
             size, h = float(np.linalg.norm(slip)), self._equations.heading(j)
             heading[j], self._began[j] = h, size
@@ -73,6 +85,18 @@ class SlipHeadings:
             stepper.turn(tuple(heading))
         self.leaving.clear()
         stepper.slow = self._stiff_slip(stepper, most)
+
+    def _refuse_crawl(self, stepper: Stepper, names: list[str]) -> None:
+        """Refuse slips that turn in so many steps that the motion would not end."""
+        t, taken = stepper.t, stepper.counters["steps"]
+        if not names or t > self._since + _NEAR * stepper.longest:
+            self._since, self._taken = t, taken
+        elif taken - self._taken > _MOST:
+            raise NumericalFailure(
+                f"{in_words(names)}, t = {t:.12g} s: slips turn and stop in {_MOST} steps while time hardly passes, as "
+                "where contacts of one body come to rest under compliance; end the motion before, or let fewer of them "
+                "have friction"
+            )
 
     def turned(self, stepper: Stepper, speed: float) -> bool:
         """Return whether slip has turned away from its heading by the end of the last step."""
